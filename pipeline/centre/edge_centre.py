@@ -12,7 +12,7 @@ import numpy as np
 from ..config import CentreConfig
 from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
-from ..targets import Holes, Outline, sector
+from ..targets import Holes, Outline, Polygon, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
@@ -82,6 +82,10 @@ SPARSE_M, HIDDEN = 0.006, 0.9
 # explain, if it is that many of its own u, too: where beams are square to a target, little is shown
 # of its size. Share of that growth's movement into the centre; least share of SIZE_M that is shown.
 STRANGE_SIZE, WRONG_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 4.0, 0.6, 0.1
+# Share of a side without a background, from which it may lie elsewhere; up to which another size
+# shows all sides, and of the edge that it shows more; by how much half a width may be wrong.
+LOST_SIDE, FOUND_SIDE, MORE_COVERED = 0.33, 0.25, 0.05
+OTHER_HALF_M = (-7e-4, 7e-4, -1.5e-3, 1.5e-3, -2.5e-3, 2.5e-3, -4e-3, 4e-3)
 SIZE_BY_SPOT = 0.07  # of the footprint: u of a growth by what profile and brightness leave out
 SIZE_BY_SHIFT = 0.2  # of the shift of a clean edge: u of a growth by how a scanner chooses returns
 BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: largest u, where likely
@@ -182,6 +186,11 @@ def _by_edge(
         return None
     if outline.shows_rotation:
         face, near, edge_fit = _uncut(view, outline, start, (face, near), edge_fit, known or aim)
+    if edge_fit is not None and isinstance(outline, Polygon):
+        begin = known or aim
+        _check_sides(
+            edge_fit, outline, lambda other: _by_mixed_pixels(view, other, start, near, begin)
+        )
     if edge_fit is not None and _is_sure(edge_fit):
         _check_size(edge_fit, outline, config.spot_radius_m)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
@@ -291,7 +300,7 @@ def _check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
 
     spot_m: radius of the footprint, as configured; a fit may explain a wrong size by a wider one.
     """
-    growth_m = edge_fit.growth_m
+    growth_m, stretch_m = edge_fit.growth_m, edge_fit.stretch_m
     if not _fits_size(edge_fit, spot_m):
         side = "beyond" if growth_m > 0.0 else "inside"
         raise NotMeasuredError(
@@ -300,16 +309,51 @@ def _check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
             f"{side} that of {outline.description} all round: check its sizes and thickness, "
             "and whether its face is flat",
         )
+    if not _is_explained(edge_fit, stretch_m, edge_fit.stretch_u_m, spot_m):
+        wide, narrow = ("u", "v") if stretch_m > 0.0 else ("v", "u")
+        raise NotMeasuredError(
+            "wrong-outline",
+            f"by the points about it, the target is {abs(stretch_m) * 2e3:.2f} mm or more larger "
+            f"along {wide}, and smaller along {narrow}, than {outline.description}: check its "
+            "width and height",
+        )
+
+
+def _check_sides(
+    edge_fit: EdgeFit, outline: Polygon, fit: Callable[[Polygon], EdgeFit | None]
+) -> None:
+    """Raise NotMeasuredError 'wrong-outline' where a side is lost that another size shows.
+
+    A side that lies elsewhere contradicts its background and is left out: the centre is then by the
+    opposite one, and off by half of what the size is wrong by.
+    fit: returns the fit of another outline.
+    """
+    axis = int(np.argmax(edge_fit.lost))
+    if edge_fit.lost[axis] < LOST_SIDE:
+        return
+    for by_m in OTHER_HALF_M:
+        other = fit(outline.resized(np.where(np.arange(2) == axis, by_m, 0.0)))
+        if other is None or not other.converged or max(other.lost) > FOUND_SIDE:
+            continue
+        if other.covered > edge_fit.covered + MORE_COVERED:
+            raise NotMeasuredError(
+                "wrong-outline",
+                f"by the points about them, its edges across {'uv'[axis]} are not as far apart as "
+                f"those of {outline.description}: check its width and height",
+            )
 
 
 def _fits_size(edge_fit: EdgeFit, spot_m: float) -> bool:
-    """Return whether SIZE_M explains where the edge lies."""
+    """Return whether SIZE_M explains where the edge lies all round."""
+    return _is_explained(edge_fit, edge_fit.growth_m, edge_fit.growth_u_m, spot_m)
+
+
+def _is_explained(edge_fit: EdgeFit, growth_m: float, u_m: float, spot_m: float) -> bool:
+    """Return whether SIZE_M explains a growth, all round or along one axis, of that u."""
     by_spot_m = SIZE_BY_SPOT * min(edge_fit.spot_m, spot_m)
     by_shift_m = SIZE_BY_SHIFT * (edge_fit.clean_shift_m or 0.0)
-    u_m = math.hypot(edge_fit.growth_u_m, by_spot_m, by_shift_m)
-    return abs(edge_fit.growth_m) <= max(
-        WRONG_SIZE * _growth_explained_m(edge_fit), SURE_SIZE * u_m
-    )
+    most_m = WRONG_SIZE * _explained_m(edge_fit, u_m)
+    return abs(growth_m) <= max(most_m, SURE_SIZE * math.hypot(u_m, by_spot_m, by_shift_m))
 
 
 def _explains_more(other: EdgeFit, found: EdgeFit, spot_m: float) -> bool:
@@ -329,15 +373,15 @@ def _is_likely(edge_fit: EdgeFit, begin: Aim | None, spot_m: float) -> bool:
     return edge_fit.converged and _fits_size(edge_fit, spot_m) and abs(nearer) < OFF_INVERSE
 
 
-def _growth_explained_m(edge_fit: EdgeFit) -> float:
-    """Return the standard deviation of an edge's growth where SIZE_M holds.
+def _explained_m(edge_fit: EdgeFit, u_m: float) -> float:
+    """Return the standard deviation of an edge's growth, of that u, where SIZE_M holds.
 
     A posterior mean has the variance of its prior less that of the posterior. That of a clean edge
     has a wide prior, and the variance of its estimate besides.
     """
     if edge_fit.clean_shift_m is not None:
-        return math.hypot(SIZE_M, edge_fit.growth_u_m)
-    return SIZE_M * math.sqrt(max(1.0 - (edge_fit.growth_u_m / SIZE_M) ** 2, LEAST_SHOWN))
+        return math.hypot(SIZE_M, u_m)
+    return SIZE_M * math.sqrt(max(1.0 - (u_m / SIZE_M) ** 2, LEAST_SHOWN))
 
 
 def _is_lost(edge_fit: EdgeFit, model_m2: float, outline: Outline) -> bool:
@@ -494,7 +538,9 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2 + edge_fit.rows_m**2 / 2.0
     if edge_fit.exponent is not None:
         spread += (INTENSITY_SHARE * edge_fit.spot_m) ** 2
-    grown_m = max(abs(edge_fit.growth_m) - STRANGE_SIZE * _growth_explained_m(edge_fit), 0.0)
+    grown_m = max(
+        abs(edge_fit.growth_m) - STRANGE_SIZE * _explained_m(edge_fit, edge_fit.growth_u_m), 0.0
+    )
     if edge_fit.by_size_m is not None:
         share = min(BY_SIZE**2 if grown_m == 0.0 else 1.0, edge_fit.size_chance)
         spread += share * float(edge_fit.by_size_m @ edge_fit.by_size_m)

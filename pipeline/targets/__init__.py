@@ -1,7 +1,7 @@
 """Target shapes and printed boards that can be clamped to a wheel."""
 
 from .choice import TargetChoice, names_of_targets, read_targets
-from .outline import Circle, Holes, OuterEdge, Outline, sector
+from .outline import Circle, Holes, OuterEdge, Outline, Polygon, sector
 from .pattern_board import PatternTarget
 from .region import Region
 from .registry import Target, WheelTarget, load_target, parse_target, scaled, size_of
@@ -12,6 +12,7 @@ __all__ = [
     "OuterEdge",
     "Outline",
     "PatternTarget",
+    "Polygon",
     "Region",
     "Target",
     "TargetChoice",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Protocol
 
@@ -64,6 +64,13 @@ class Outline(Protocol):
 
     def normals(self, share: Array) -> Array:
         """Return unit normals (K, 2) at positions `share` (K,) along the outline."""
+        ...
+
+    def stretch(self, share: Array) -> Array | None:
+        """Return how far out the edge moves there (K,) where it is wider by 2 and lower by 2.
+
+        None of an outline that is made round.
+        """
         ...
 
 
@@ -138,6 +145,9 @@ class Circle:
     def normals(self, share: Array) -> Array:
         """Return unit normals (K, 2) at positions `share` (K,) along it."""
         return _direction(share)
+
+    def stretch(self, share: Array) -> None:
+        """Return None: it is turned, or drilled."""
 
 
 @dataclass(frozen=True)
@@ -289,6 +299,14 @@ class Polygon:
         ends = np.cumsum(self._lengths_m)[:-1] / self._perimeter_m
         return np.asarray(self.sides_m[np.searchsorted(ends, share, side="right"), :2])
 
+    def stretch(self, share: Array) -> Array:
+        """Return how far out each side moves (K,): n_u^2 - n_v^2 by its normal n."""
+        return np.asarray(self.normals(share) ** 2 @ [1.0, -1.0])
+
+    def resized(self, by_m: Array) -> Polygon:
+        """Return it with half its width and half its height (2,) larger by that."""
+        return replace(self, corners_m=self.corners_m * (1.0 + by_m / self.half_m))
+
 
 @dataclass(frozen=True)
 class Holes:
@@ -343,6 +361,9 @@ class Holes:
     def normals(self, share: Array) -> Array:
         """Return unit normals (K, 2) at positions `share` (K,) along the edges."""
         return -_direction(share * len(self.holes_m))
+
+    def stretch(self, share: Array) -> None:
+        """Return None: they are drilled."""
 
 
 OuterEdge = Circle | Polygon

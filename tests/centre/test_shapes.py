@@ -259,6 +259,34 @@ def test_wrong_plate_is_refused_or_harmless(case):
     assert np.linalg.norm(result.error_m) < 3.72 * result.u_m
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("width_mm", "height_mm"), [(0.2, 0.0), (0.0, -0.3), (-0.4, 0.3)])
+def test_a_width_within_its_tolerance_is_in_the_uncertainty(width_mm, height_mm, seed):
+    """SIZE_M of half of it (k = 1). It moved the centre as a thicker wall does, by 3 to 20 u."""
+    half_m = (0.18 + width_mm / 2e3, 0.12 + height_mm / 2e3)
+    plain = found(make(setup_of(RECTANGLE, PLAIN), seed), RECTANGLE, seed)
+    other = found(make(setup_of(RECTANGLE, PLAIN).but(half_m=half_m), seed), RECTANGLE, seed)
+    moved_m = other.error_m - plain.error_m
+    assert np.all(np.abs(moved_m) < 2.5 * np.sqrt(np.diag(other.covariance_m2)))
+    thickness_m = other.fitted.edge_fit.thickness_m
+    assert thickness_m == pytest.approx(RECTANGLE.thickness, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("width_mm", "height_mm"), [(3, 0), (-3, 0), (0, 3), (0, -3)])
+def test_one_dimension_3_mm_wrong_is_refused_or_harmless(width_mm, height_mm, seed):
+    """A side that lies elsewhere was left out, and the centre off by 1.5 mm at u 0.15."""
+    half_m = (0.18 + width_mm / 2e3, 0.12 + height_mm / 2e3)
+    cloud, status = make(setup_of(RECTANGLE, PLAIN).but(half_m=half_m), seed), ""
+    try:
+        result = found(cloud, RECTANGLE, seed)
+    except NotMeasuredError as refused:
+        status = refused.status
+    if not status:
+        assert np.all(np.abs(result.error_m) < 2.0 * np.sqrt(np.diag(result.covariance_m2)))
+    assert status in ("wrong-outline", "")
+
+
 def test_plain_holes_of_the_target_need_to_be_there():
     cloud = make(setup_of(RING, PLAIN).but(holes=()), 1)
     with pytest.raises(NotMeasuredError, match="beyond the edge of the hole"):

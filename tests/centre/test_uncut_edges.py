@@ -9,7 +9,7 @@ import pytest
 
 from tests.measurement.test_cut_plates import PLATE, SCENE, fitted_to, off_in_u
 from tests.support.scenes import make
-from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Prior
+from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, SIZE_M, Prior
 from wheelplane.centre.edge_centre import _is_lost
 from wheelplane.centre.outline_fit import SECTORS
 from wheelplane.centre.uncut_edges import in_sectors, uncut_sectors
@@ -60,7 +60,7 @@ def test_nothing_beyond_a_whole_edge_leaves_it_an_edge(spot_m):
     fitted = [placed(points(make(scene, 1)), 1) for points in (lambda c: c.points_m, without)]
     (whole, u_m), (beside, u_beside_m) = fitted
     assert np.linalg.norm(beside - whole) < 4.0 * np.hypot(u_m, u_beside_m)
-    assert u_beside_m < 2.0 * u_m
+    assert u_beside_m < 2.0 * u_m + 1.2 * SIZE_M  # by the width, where one side of two shows
 
 
 @pytest.mark.parametrize(

@@ -169,3 +169,17 @@ def test_sectors_are_equal_parts():
     share = np.random.default_rng(1).uniform(0.0, 1.0, 10_000)
     np.testing.assert_array_equal(sector(share, 24), np.floor(share * 24))
     assert sector(np.array([1.0]), 24)[0] == 23
+
+
+def test_a_stretched_outline_moves_its_sides_apart_and_together():
+    """To the first order; a round one is turned or drilled, and has no width of its own."""
+    plate, by_m = Polygon(np.array([[0.2, -0.1], [0.2, 0.1], [-0.2, 0.1], [-0.2, -0.1]])), 1e-4
+    resized = plate.resized(np.array([by_m, -by_m]))
+    assert resized.half_m == pytest.approx((0.2 + by_m, 0.1 - by_m))
+    share = np.linspace(0.0, 1.0, 57, endpoint=False)
+    normals = plate.normals(share)
+    side = np.argmax(normals @ plate.sides_m[:, :2].T, axis=1)
+    moved_m = resized.sides_m[side, 2] - plate.sides_m[side, 2]
+    np.testing.assert_allclose(plate.stretch(share) * by_m, moved_m, atol=1e-15)
+    assert Circle(0.1).stretch(share) is None
+    assert Holes(np.array([[0.0, 0.0, 0.04]])).stretch(share) is None

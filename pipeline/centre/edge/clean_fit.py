@@ -31,6 +31,7 @@ from .solution import (
     STEP_M,
     EdgeFit,
     Solution,
+    as_stretched,
     explains_less,
     is_settled,
     misfit_of,
@@ -91,9 +92,10 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
     covered = _covered(found.equations)
     if covered < 0.25:
         return None
-    fitted = record(found, problem, covered)
+    sized = record(found, problem, covered)
+    fitted = as_stretched(sized, found, problem)
     chance, grown = _chance(loose.prior, found, other), record(other, loose, covered)
-    shown = grown if grown.converged and chance > 0.5 else fitted
+    shown = grown if grown.converged and chance > 0.5 else sized
     likely = other if chance > 0.5 else found
     unlike_m = min(by_backgrounds_m(likely.equations), MOST_UNLIKE * abs(shift_m(likely.state)))
     fitted = replace(
@@ -101,7 +103,7 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
         growth_m=shown.growth_m,
         growth_u_m=math.hypot(shown.growth_u_m, ALL_ROUND * unlike_m),
         clean_shift_m=lies_m,
-        by_size_m=grown.centre_m - fitted.centre_m,
+        by_size_m=grown.centre_m - sized.centre_m,
         size_chance=chance,
         rows_m=between_rows_m(problem, found.state),
         unlike_m=unlike_m,

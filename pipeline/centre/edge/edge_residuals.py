@@ -13,8 +13,10 @@ from ...targets import Outline, sector
 from ...vectors import Array, Mask, Rows
 from .beams import (
     BEAM,
+    GROWTH,
     RATIO,
     SHAPE,
+    SIZE_M,
     THICKNESS,
     WALL,
     Background,
@@ -389,6 +391,29 @@ def spread(
     else:
         squares = known + _squares(linear, slopes, part, information)
     return inverse @ squares @ inverse, by_plane, dof
+
+
+def stretched(
+    linear: Equations, outline: Outline, prior: Prior
+) -> tuple[Equations, Prior, Array] | None:
+    """Return equations and prior with one more parameter, and the step (13,) that it takes.
+
+    By how much the sides across u lie farther out than stated, and those across v farther in: a
+    wrong width moves them as a thicker wall and another centre do. Its score at the solution
+    without it shows what it explains of that. None of a round outline.
+    """
+    way = outline.stretch(linear.share)
+    if way is None:
+        return None
+    slopes = np.column_stack([linear.slopes, way * linear.slopes[:, GROWTH]])
+    linear = replace(linear, slopes=slopes)
+    prior = Prior(np.append(prior.mean, 0.0), np.append(prior.weight, SIZE_M**-2))
+    own, cross = linear.by_zone(linear.weight)
+    left, known = linear.eliminated(own, cross, prior)
+    information = (left.T * linear.weight) @ left + known
+    inverse = _inverse((left.T * linear.change) @ left + known, information)
+    score = left[:, -1] @ (linear.weight * linear.residual_m)
+    return linear, prior, np.asarray(inverse[:, -1] * score)
 
 
 def _variance(linear: Equations, dof: float) -> float:

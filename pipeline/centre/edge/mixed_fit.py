@@ -18,6 +18,7 @@ from .beams import (
     RATIO,
     ROTATION,
     SHAPE,
+    SIZE_M,
     SPOT,
     STATED_THICKNESS,
     THICKNESS,
@@ -32,6 +33,7 @@ from .solution import (
     STEP_M,
     EdgeFit,
     Solution,
+    as_stretched,
     explains_less,
     record,
     settled,
@@ -54,6 +56,7 @@ OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than st
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
 # be right where no other explains as much.
 TENSE, MOST_TENSE = 2.0, 6.0
+LIKELY = 3.0  # standard deviations of a size that may be so
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
@@ -81,12 +84,15 @@ def fit_mixed(
         held = replace(problem, prior=problem.prior.held(state))
         _, found = _best(held, state, config.max_iterations)
     fitted = _recorded(found, problem)
-    if fitted is None or thickness_m is None:
-        return fitted
-    fitted = replace(fitted, thickness_pull=_pulls(fitted, problem.prior)[EDGE.index(THICKNESS)])
+    if fitted is None:
+        return None
+    stretched = as_stretched(fitted, found, problem)
+    if thickness_m is None:
+        return stretched
+    fitted, stretched = (_pulled(one, problem.prior) for one in (fitted, stretched))
     tension = _tension(fitted, problem.prior)
-    if not problem.few and tension < TENSE:
-        return fitted
+    if not problem.few and (tension < TENSE or _is_wider(stretched, problem.prior)):
+        return stretched
     doubted = replace(problem, prior=problem.prior.doubted())
     if problem.few:
         other = _again(doubted, found, config.max_iterations)
@@ -96,8 +102,23 @@ def fit_mixed(
             other = _again(doubted, found, config.max_iterations)
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
-        return fitted
-    return _by_thickness(fitted, free, thickness_m, worse)
+        return stretched
+    chosen = _by_thickness(fitted, free, thickness_m, worse)
+    if chosen.by_thickness_m is None:
+        return chosen
+    return replace(stretched, by_thickness_m=chosen.by_thickness_m)
+
+
+def _pulled(fitted: EdgeFit, prior: Prior) -> EdgeFit:
+    """Return a fit with the pull on its thickness."""
+    return replace(fitted, thickness_pull=_pulls(fitted, prior)[EDGE.index(THICKNESS)])
+
+
+def _is_wider(fitted: EdgeFit, prior: Prior) -> bool:
+    """Return whether a width that may be so explains what pulls at the stated thickness."""
+    off_m = max(abs(fitted.stretch_m), abs(fitted.growth_m))
+    thicker = abs(math.log(fitted.thickness_m) - prior.mean[THICKNESS]) / STATED_THICKNESS
+    return fitted.stretch_m != 0.0 and off_m < LIKELY * SIZE_M and thicker < TENSE
 
 
 def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float, worse: bool) -> EdgeFit:

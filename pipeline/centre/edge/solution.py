@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from ...targets import sector
-from ...vectors import Array
+from ...targets import Outline, Polygon, sector
+from ...vectors import Array, Mask
 from .beams import (
     BEAM,
     CENTRE,
@@ -20,8 +21,9 @@ from .beams import (
     THICKNESS,
     WALL,
     Background,
+    Prior,
 )
-from .edge_residuals import SECTORS, EdgeProblem, Equations, Zones, spread
+from .edge_residuals import SECTORS, EdgeProblem, Equations, Zones, spread, stretched
 
 UNEVEN = 5  # of the sectors: at most so many have a background that leaves outliers
 STEP_M, CONVERGED_M = 2e-7, 1e-5  # a step of the centre that ends a fit; that counts as converged
@@ -29,6 +31,8 @@ SETTLED = 0.2  # share of u that a step may still be, then
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
 OUTLIER = 4.0  # square of an outlier, over its variance
 MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
+STRETCH = 12  # place in a state that has one
+ALONG = 0.999  # cosine of a normal with that of its side
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
@@ -47,19 +51,21 @@ class EdgeFit:
     reflectance_ratio: of the background over the target. wall: 0 of a wall as bright as the face, 1
     of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
     much farther out the edge lies than stated, all round, with its standard uncertainty
-    growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
-    share of outliers near the edge. unexplained: mean square of the residuals over their standard
-    uncertainties, see `unexplained`. loss: mean of Cauchy's loss, of few mixed pixels. converged:
-    whether the last step was small. thickness_u: relative. stated_thickness_m: one that the data
-    contradict, and that was not used; by_thickness_m: (2,) by which the centre would move if it
-    were not, where that is in doubt; thickness_pull: by how many standard deviations of what the
-    data may move it they pull the stated one, None where none is stated.
+    growth_u_m: both from SIZE_M as a prior. stretch_m: how much farther out its sides across u lie,
+    and farther in those across v, likewise, with stretch_u_m; 0 of a round one. covered: share of
+    the outline that was used. misfit: share of outliers near the edge. unexplained: mean square
+    of the residuals over their standard uncertainties, see `unexplained`. loss: mean of Cauchy's
+    loss, of few mixed pixels. converged: whether the last step was small. thickness_u: relative.
+    stated_thickness_m: one that the data contradict, and that was not used; by_thickness_m: (2,)
+    by which the centre would move if it were not, where that is in doubt; thickness_pull: by how
+    many standard deviations of what the data may move it they pull the stated one, None where
+    none is stated.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
     run along it. exponent: by which intensities follow power, of a clean edge that is fitted to
     them; it has no clean_shift_m. unlike_m: how far backgrounds of unlike brightness move parts of
-    a clean edge (k = 1).
+    a clean edge (k = 1). lost: shares, see `_lost`.
     """
 
     centre_m: Array
@@ -95,6 +101,9 @@ class EdgeFit:
     rows_m: float = 0.0
     exponent: float | None = None
     unlike_m: float = 0.0
+    stretch_m: float = 0.0
+    stretch_u_m: float = 0.0
+    lost: tuple[float, float] = (0.0, 0.0)
 
     @property
     def is_clean(self) -> bool:
@@ -133,23 +142,8 @@ class Solution:
 
 def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
     """Return the fit of a solution with its covariance; covered: share of the outline used."""
-    state = found.state
-    covariance, by_plane, dof = spread(found.equations, problem.outline, problem.prior, problem.few)
     return EdgeFit(
-        centre_m=state[CENTRE],
-        rotation_rad=float(state[ROTATION]),
-        covariance_m2=covariance[CENTRE, CENTRE],
-        by_plane=by_plane[CENTRE],
-        dof=dof,
-        beam=state[BEAM],
-        inverse_distance=float(state[INVERSE]),
-        spot_m=float(np.exp(state[SPOT])),
-        thickness_m=float(np.exp(state[THICKNESS])),
-        reflectance_ratio=float(np.exp(state[RATIO])),
-        wall=float(state[WALL]),
-        spot_shape=float(state[SHAPE]),
-        growth_m=float(state[GROWTH]),
-        growth_u_m=float(np.sqrt(covariance[GROWTH, GROWTH])),
+        **_estimates(found.state, found.equations, problem, problem.prior),
         covered=covered,
         misfit=misfit_of(found.equations),
         unexplained=unexplained(found),
@@ -157,10 +151,67 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         points=len(found.equations.residual_m),
         iterations=found.iterations,
         converged=found.last_m < CONVERGED_M,
-        rotation_noise=covariance[ROTATION, [0, 1, ROTATION]],
-        rotation_by_plane=by_plane[ROTATION],
-        thickness_u=float(np.sqrt(covariance[THICKNESS, THICKNESS])),
+        lost=_lost(found.background.usable, problem.outline),
     )
+
+
+def as_stretched(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> EdgeFit:
+    """Return the fit of a solution, `fitted`, with the width against the height unknown by SIZE_M.
+
+    Itself where the outline is round, or the solution did not converge.
+    """
+    more = stretched(found.equations, problem.outline, problem.prior)
+    if more is None or not fitted.converged:
+        return fitted
+    linear, prior, moved = more
+    return replace(
+        fitted, **_estimates(np.append(found.state, 0.0) + moved, linear, problem, prior)
+    )
+
+
+def _estimates(
+    state: Array, linear: Equations, problem: EdgeProblem, prior: Prior
+) -> dict[str, Any]:
+    """Return the fields of a fit that follow from its state (12,), or (13,) with the stretch."""
+    covariance, by_plane, dof = spread(linear, problem.outline, prior, problem.few)
+    u = np.sqrt(np.diag(covariance))
+    known: dict[str, Any] = {
+        "centre_m": state[CENTRE],
+        "rotation_rad": float(state[ROTATION]),
+        "covariance_m2": covariance[CENTRE, CENTRE],
+        "by_plane": by_plane[CENTRE],
+        "dof": dof,
+        "beam": state[BEAM],
+        "inverse_distance": float(state[INVERSE]),
+        "spot_m": float(np.exp(state[SPOT])),
+        "thickness_m": float(np.exp(state[THICKNESS])),
+        "reflectance_ratio": float(np.exp(state[RATIO])),
+        "wall": float(state[WALL]),
+        "spot_shape": float(state[SHAPE]),
+        "growth_m": float(state[GROWTH]),
+        "growth_u_m": float(u[GROWTH]),
+        "rotation_noise": covariance[ROTATION, [0, 1, ROTATION]],
+        "rotation_by_plane": by_plane[ROTATION],
+        "thickness_u": float(u[THICKNESS]),
+    }
+    if len(state) > STRETCH:
+        known |= {"stretch_m": float(state[STRETCH]), "stretch_u_m": float(u[STRETCH])}
+    return known
+
+
+def _lost(usable: Mask, outline: Outline) -> tuple[float, float]:
+    """Return the share of its sectors that the worst side across u has lost, and across v.
+
+    usable: (K,) sectors of the outline. Others have no background, or points that contradict it:
+    as where the side lies elsewhere.
+    """
+    if not isinstance(outline, Polygon):
+        return 0.0, 0.0
+    normals = outline.normals((np.arange(len(usable)) + 0.5) / len(usable))
+    facing = normals @ outline.sides_m[:, :2].T > ALONG
+    share = (~usable).astype(float) @ facing / np.maximum(facing.sum(axis=0), 1)
+    across_u = np.abs(outline.sides_m[:, 0]) > np.abs(outline.sides_m[:, 1])
+    return float(share[across_u].max(initial=0.0)), float(share[~across_u].max(initial=0.0))
 
 
 def misfit_of(linear: Equations) -> float:
