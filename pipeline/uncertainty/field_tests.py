@@ -2,7 +2,8 @@
 
 Turning a scanner over (face 2) reverses the errors of its axes, so that half of the difference of
 two faces is their sum; lengths of known size show the errors of the range. Least squares over what
-the tests can tell apart; what they cannot is left out.
+the tests can tell apart; what they cannot is left out, and what it may have added to the others is
+in their u.
 Sources: ASTM E3125 (two-face and point-to-point tests), ISO 17123-9, ISO 10360-13; terms as in
 instrument.py.
 """
@@ -13,7 +14,7 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,11 @@ MOST_M = 1000.0  # the farthest point of a test
 LEAST_DOF = 3  # a standard deviation of Student's t needs as many
 LEVEL_DEG = 85.0  # elevation beyond which azimuths show nothing
 MOST_APART_DEG = 0.5  # of two faces; more is another target
+# Standard uncertainty of a beam offset that no ranges show: a judgement, as of an axis that is
+# adjusted to half a millimetre.
+BEAM_OFFSET_M = 5e-4
+ECCENTRICITIES = ("sin a", "cos a", "sin e")  # parts that two faces show
+ANGULAR = ("collimation_arcsec", "trunnion_arcsec", "vertical_index_arcsec", *ECCENTRICITIES)
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,7 @@ class TermFit:
     """Terms found by least squares: their values, and covariance, in the units of the file's keys.
 
     dof: degrees of freedom of the scatter. left_out: terms that the tests cannot tell apart.
+    added: (names, left_out) what a unit of each term left out adds to the values.
     """
 
     names: tuple[str, ...]
@@ -46,11 +53,17 @@ class TermFit:
     covariance: Array
     dof: int
     left_out: tuple[str, ...]
+    added: Array
 
     @property
     def u(self) -> Array:
         """Standard uncertainties."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def with_left_out(self, u: dict[str, float]) -> TermFit:
+        """Return the fit with what the terms left out, of these u, may have added in its u."""
+        more = self.added * [u.get(name, 0.0) for name in self.left_out]
+        return replace(self, covariance=self.covariance + more @ more.T)
 
 
 @dataclass(frozen=True)
@@ -95,6 +108,8 @@ def evaluate_tests(paths: Sequence[Path]) -> FieldTests:
         raise InputError(
             f"{paths[-1]}: a test of the same kind as another file's: join both in one file"
         )
+    unseen_u = _unseen_u(fits)
+    fits = [fit.with_left_out(unseen_u) for fit in fits]
     found_values = {
         name: (value, u)
         for fit in fits
@@ -104,8 +119,9 @@ def evaluate_tests(paths: Sequence[Path]) -> FieldTests:
     terms, missing = [], []
     for key, parts in KEYS.items():
         seen = [found_values[part] for part in parts if part in found_values]
+        unseen = [unseen_u[part] for part in parts if part in left_out and part in unseen_u]
         if seen:
-            terms.append(_joined(key, seen, len(parts)))
+            terms.append(_joined(key, seen, unseen))
         elif set(parts) & set(left_out):
             missing.append(key)
     return FieldTests(tuple(terms), tuple(missing), tuple(fits))
@@ -124,24 +140,58 @@ KEYS = {
 }
 
 
-def _joined(key: str, seen: list[tuple[float, float]], count: int) -> FoundTerm:
-    """Return a term by its parts; a part of an eccentricity not seen counts as one that was."""
-    if count == 1:
+def _unseen_u(fits: Sequence[TermFit]) -> dict[str, float]:
+    """Return the standard uncertainties of the terms that two faces do not show.
+
+    An angle: as large as the parts of eccentricities that were seen, taken for as many draws from
+    one normal distribution about 0, so that the unseen one is of Student's t. Of fewer than three
+    parts, as large as all errors of the angles that were seen.
+    """
+    seen = {
+        name: value
+        for fit in fits
+        for name, value in zip(fit.names, fit.values.tolist(), strict=True)
+        if name in ANGULAR
+    }
+    parts = [seen[name] for name in ECCENTRICITIES if name in seen]
+    if len(parts) < LEAST_DOF:
+        parts = list(seen.values())
+    dof = max(len(parts), LEAST_DOF)
+    size = math.hypot(*parts) / math.sqrt(dof - 2)
+    return {**dict.fromkeys((*ANGULAR, "cos e"), size), "beam_offset_m": BEAM_OFFSET_M}
+
+
+def _joined(key: str, seen: list[tuple[float, float]], unseen: list[float]) -> FoundTerm:
+    """Return a term by its parts; those of an eccentricity that were not seen are 0 with their u.
+
+    unseen: their u.
+    """
+    if len(seen) + len(unseen) == 1:
         return FoundTerm(key, *seen[0])
-    scale = math.sqrt(count / len(seen))
-    return FoundTerm(key, *(scale * math.hypot(*(pair[k] for pair in seen)) for k in (0, 1)))
+    values, u = zip(*seen, strict=True)
+    return FoundTerm(key, math.hypot(*values), math.hypot(*u, *unseen))
 
 
-def fit_terms(columns: dict[str, Array], observed: Array, weight: Array, where: str) -> TermFit:
+def fit_terms(
+    columns: dict[str, Array],
+    observed: Array,
+    weight: Array,
+    where: str,
+    unseen: Sequence[str] = (),
+) -> TermFit:
     """Fit observed (N,) by those of the columns (N,) that are distinct from the ones before them.
 
-    weight: (N,) inverse standard deviations, of which the scatter finds the scale. The covariance
-    is that of Student's t. Raises InputError where observations are too few.
+    weight: (N,) inverse standard deviations, of which the scatter finds the scale. unseen: columns
+    that are left out in any case. The covariance is that of Student's t. Raises InputError where
+    observations are too few.
     """
     names: list[str] = []
     left_out: list[str] = []
     basis = np.zeros((len(observed), 0))
     for name, column in columns.items():
+        if name in unseen:
+            left_out.append(name)
+            continue
         weighted = weight * column
         rest = weighted - basis @ (basis.T @ weighted)
         size = float(np.linalg.norm(rest))
@@ -161,7 +211,9 @@ def fit_terms(columns: dict[str, Array], observed: Array, weight: Array, where: 
     values = inverse @ (weight * observed)
     square = float(np.sum((weight * observed - design @ values) ** 2))
     variance = square / (dof - 2)
-    return TermFit(tuple(names), values, variance * inverse @ inverse.T, dof, tuple(left_out))
+    rest = np.reshape([weight * columns[name] for name in left_out], (-1, len(observed))).T
+    covariance = variance * inverse @ inverse.T
+    return TermFit(tuple(names), values, covariance, dof, tuple(left_out), inverse @ rest)
 
 
 def _two_faces(rows: list[tuple[int, list[str]]], path: Path) -> list[TermFit]:
@@ -208,11 +260,12 @@ def _two_faces(rows: list[tuple[int, list[str]]], path: Path) -> list[TermFit]:
         "sin a": np.sin(a),
         "cos a": np.cos(a),
     }
+    # The cosine is nearly the index; of a circle off its axis, two faces do not reverse it.
     by_elevation = {"vertical_index_arcsec": ones, "sin e": np.sin(e), "cos e": np.cos(e)}
     across, up = np.array(half).T
     return [
         fit_terms(by_azimuth, across, np.cos(e), str(path)),
-        fit_terms(by_elevation, up, ones, str(path)),
+        fit_terms(by_elevation, up, ones, str(path), unseen=("cos e",)),
     ]
 
 
@@ -267,7 +320,7 @@ def _no_smaller_than_stated(fit: TermFit, columns: dict[str, Array], weight: Arr
     inverse = np.linalg.pinv(np.column_stack([weight * columns[name] for name in fit.names]))
     stated = np.asarray(inverse @ inverse.T)
     larger = fit.covariance if fit.covariance[0, 0] > stated[0, 0] else stated
-    return TermFit(fit.names, fit.values, larger, fit.dof, fit.left_out)
+    return replace(fit, covariance=larger)
 
 
 def _read(path: Path) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
