@@ -393,7 +393,7 @@ NOTES = {
         "_note_of_repeats", "_note_of_z", "_note_of_zeros",
     ),
     "request.py": ("note_of_plates",),
-    "evaluate.py": ("_notes_of_floor", "_without_a_point"),
+    "evaluate.py": ("_note_of_size", "_notes_of_floor", "_without_a_point"),
     "doubts.py": ("_upside_down", "_far_from_their_wheel", "_unlike_axles", "_copies"),
     "observe_vehicle.py": ("_of_others",),
     "records.py": ("notes",),
