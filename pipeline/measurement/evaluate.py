@@ -95,7 +95,8 @@ def align(
     measured = [one for one in observations if one.evidence is not None]
     used, known = verticals(frame, observations) if verticals else (None, ())
     doubts = doubts_of(frame, centres, measured, known)
-    notes = (*notes, *doubts, *_note_of_size(frame, centres), *_without_a_point(measured))
+    sizes = [] if doubts else _note_of_size(frame, centres)  # of wrong wheels they mean nothing
+    notes = (*notes, *doubts, *sizes, *_without_a_point(measured))
     found = evaluate(observations, [one.fitted for one in measured], provenance, notes, used)
     return replace(found, verticals=known)
 
