@@ -7,7 +7,7 @@ import difflib
 import re
 import tomllib
 from pathlib import Path
-from typing import TypeVar, get_args
+from typing import Annotated, TypeVar, get_args
 
 from pydantic import (  # noqa: TID253 - the models need it to exist; nothing else imports it
     BaseModel,
@@ -33,6 +33,8 @@ TOML_FAULTS = {
     " (decimals have a point)",
 }
 MOST_FAULTS = 6  # named in one line; the others are counted
+# Of a scanner that measures wheels: more is a slip of the unit, such as mm for m.
+MOST_ERROR_M, MOST_ARCSEC = 0.1, 3600.0
 FORMS = {
     **dict.fromkeys(("model_type", "dict_type"), "a table is needed"),
     **dict.fromkeys(("list_type", "tuple_type"), "a list [...] is needed"),
@@ -78,7 +80,7 @@ class CentreConfig(Section):
     """Location of the centre (centre/)."""
 
     max_points: int = Field(60_000, ge=1000)
-    spot_radius_m: float = Field(0.0015, gt=0.0)
+    spot_radius_m: float = Field(0.0015, gt=0.0, le=MOST_ERROR_M)
     model_uncertainty_m: float = Field(4e-6, ge=0.0)
     max_iterations: int = Field(40, ge=1)
 
@@ -96,21 +98,21 @@ class InstrumentConfig(Section):
     a station against the others.
     """
 
-    range_sigma_m: float | None = Field(None, gt=0.0)
-    spot_radius_m: float | None = Field(None, gt=0.0)
-    range_bias_m: float = Field(0.0, ge=0.0)
-    range_scale_ppm: float = Field(0.0, ge=0.0)
-    incidence_bias_m: float = Field(0.0, ge=0.0)
-    collimation_arcsec: float = Field(0.0, ge=0.0)
-    trunnion_arcsec: float = Field(0.0, ge=0.0)
-    vertical_index_arcsec: float = Field(0.0, ge=0.0)
-    azimuth_eccentricity_arcsec: float = Field(0.0, ge=0.0)
-    elevation_eccentricity_arcsec: float = Field(0.0, ge=0.0)
-    beam_offset_m: float = Field(0.0, ge=0.0)
+    range_sigma_m: float | None = Field(None, gt=0.0, le=MOST_ERROR_M)
+    spot_radius_m: float | None = Field(None, gt=0.0, le=MOST_ERROR_M)
+    range_bias_m: float = Field(0.0, ge=0.0, le=MOST_ERROR_M)
+    range_scale_ppm: float = Field(0.0, ge=0.0, le=10_000.0)
+    incidence_bias_m: float = Field(0.0, ge=0.0, le=MOST_ERROR_M)
+    collimation_arcsec: float = Field(0.0, ge=0.0, le=MOST_ARCSEC)
+    trunnion_arcsec: float = Field(0.0, ge=0.0, le=MOST_ARCSEC)
+    vertical_index_arcsec: float = Field(0.0, ge=0.0, le=MOST_ARCSEC)
+    azimuth_eccentricity_arcsec: float = Field(0.0, ge=0.0, le=MOST_ARCSEC)
+    elevation_eccentricity_arcsec: float = Field(0.0, ge=0.0, le=MOST_ARCSEC)
+    beam_offset_m: float = Field(0.0, ge=0.0, le=MOST_ERROR_M)
     same_face: bool = False
-    pointing_urad: float = Field(0.0, ge=0.0)
-    registration_m: float = Field(0.0, ge=0.0)
-    distance_m: float = Field(3.0, gt=0.0)
+    pointing_urad: float = Field(0.0, ge=0.0, le=20_000.0)
+    registration_m: float = Field(0.0, ge=0.0, le=MOST_ERROR_M)
+    distance_m: float = Field(3.0, gt=0.0, le=200.0)
 
     def of_stations(self, share: float) -> InstrumentConfig:
         """Return it with that share of the errors that each station has on its own."""
@@ -177,6 +179,12 @@ class StandardConfig(Section):
     due: datetime.date | None = None
 
 
+# Where people work: more is a slip of the unit, such as kelvin, kPa or a decimal sign left out.
+Celsius = Annotated[float, Field(ge=-40.0, le=60.0)]
+Percent = Annotated[float, Field(ge=0.0, le=100.0)]
+Hectopascal = Annotated[float, Field(ge=500.0, le=1100.0)]
+
+
 class EnvironmentConfig(Section):
     """Conditions during a calibration, each the lowest and the highest value.
 
@@ -184,12 +192,12 @@ class EnvironmentConfig(Section):
     of the [[standard]] tables of the sensors.
     """
 
-    temperature_c: tuple[float, float] | None = Field(None, strict=False)
-    humidity_percent: tuple[float, float] | None = Field(None, strict=False)
-    pressure_hpa: tuple[float, float] | None = Field(None, strict=False)
-    temperature_u_c: float | None = Field(None, gt=0.0)
-    humidity_u_percent: float | None = Field(None, gt=0.0)
-    pressure_u_hpa: float | None = Field(None, gt=0.0)
+    temperature_c: tuple[Celsius, Celsius] | None = Field(None, strict=False)
+    humidity_percent: tuple[Percent, Percent] | None = Field(None, strict=False)
+    pressure_hpa: tuple[Hectopascal, Hectopascal] | None = Field(None, strict=False)
+    temperature_u_c: float | None = Field(None, gt=0.0, le=20.0)
+    humidity_u_percent: float | None = Field(None, gt=0.0, le=50.0)
+    pressure_u_hpa: float | None = Field(None, gt=0.0, le=100.0)
     sensors: tuple[str, ...] = Field((), strict=False)
     note: str = ""
 

@@ -42,13 +42,13 @@ def scanner(tests: tuple[Path, ...], output: Path) -> int:
 
 
 def as_table(found: FieldTests) -> str:
-    """Return the terms with values and u, and the names of those that the tests do not show."""
+    """Return the terms with values and u, the names of those not shown, and the notes."""
     rows = [("term", "value", "u", "stated")]
     rows += [(t.key, f"{t.value:+.3g}", f"{t.u:.2g}", _stated(t)) for t in found.terms]
     text = aligned(rows, left=1)
     if found.left_out:
         text += f"\nNot shown by these tests: {', '.join(found.left_out)}."
-    return text
+    return "\n".join([text, *found.notes])
 
 
 def as_toml(found: FieldTests, tests: tuple[Path, ...]) -> str:
@@ -62,6 +62,7 @@ def as_toml(found: FieldTests, tests: tuple[Path, ...]) -> str:
     ]
     lines += [f"{t.key} = {_stated(t)} # found {t.value:+.3g}, u {t.u:.2g}" for t in found.terms]
     lines += [f"# {key}: these tests do not show it" for key in found.left_out]
+    lines += [f"# {note}" for note in found.notes]
     return "\n".join(lines) + "\n"
 
 

@@ -20,6 +20,11 @@ FEW = 0.01  # of the points, that may be wrong without the unit being wrong
 WHEEL_SCAN_M = 2.0  # a typical scan of a wheel
 VEHICLE_SCAN_M = 10.0  # and of a vehicle
 VEHICLE_SIZES_M = (1.5, 100.0)  # the shortest wheelbase; a hall
+# Of two wheel centres: a child's kart has 1 m, the longest road train 25 m. Between any two units
+# lies a factor of 25 or more, so that a vehicle of 1.2 to 12.7 m whose unit is wrong is outside.
+WHEELS_APART_M = (0.5, 30.0)
+# Usual tracks and wheelbases: karts, and lorries of the longest wheelbases, lie outside.
+TRACKS_M, WHEELBASES_M = (1.0, 3.0), (1.2, 8.0)
 MIDDLE = 0.98  # of the points, whose spread counts: a few lie far outside
 WIDE_SCAN_M = 200.0  # above it the points must be dense enough, somewhere, for a target
 MIN_ON_TARGET = 8
@@ -81,6 +86,20 @@ def check_vehicle_cloud(points_m: Array, diameter_m: float, unit: str, source: s
         fact = f"the cloud is {length(size)} wide in {unit}, {largest:g} m at most: crop it, or"
     option = '--length-unit {0}, or length_unit = "{0}" in a capture.toml'
     raise InputError(f"{source}: {fact}: {better_unit(size, unit, option, VEHICLE_SCAN_M)}")
+
+
+def check_wheels(centres_m: Array, names: Sequence[str], source: str) -> None:
+    """Raise InputError for wheel centres (N, 3) nearer or farther apart than any vehicle's."""
+    apart_m = np.linalg.norm(centres_m[:, None] - centres_m, axis=-1)
+    pairs = [(apart_m[j, i], j, i) for i in range(len(names)) for j in range(i)]
+    smallest, largest = WHEELS_APART_M
+    for size, one, other in (min(pairs), max(pairs)):
+        if not smallest <= size <= largest:
+            raise InputError(
+                f"{source}: the wheel centres of {names[one]} and {names[other]} lie "
+                f"{length(size)} apart, a vehicle's {smallest:g} to {largest:g} m: put all scans "
+                "in one coordinate system, and check their unit and the targets that were found"
+            )
 
 
 def check_poses(parts: Sequence[Part], source: str) -> None:
@@ -153,6 +172,21 @@ def better_unit(size_m: float, unit: str, option: str, usual_m: float = WHEEL_SC
     if abs(math.log(sizes[best] / usual_m)) > math.log(100.0):
         return "check the unit of the file, and whether points lie far outside"
     return f"if the file is in {best}, it is {length(sizes[best])} wide: give {option.format(best)}"
+
+
+def vehicle_unit(tracks_m: Sequence[float], wheelbases_m: Sequence[float], unit: str) -> str:
+    """Return the other unit in which tracks and wheelbases are usual ones; "" where none is."""
+    for other in LENGTH_UNITS:
+        scale = in_metres(1.0, other) / in_metres(1.0, unit)
+        tracks, wheelbases = ([scale * one for one in sizes] for sizes in (tracks_m, wheelbases_m))
+        if other != unit and is_usual(tracks, TRACKS_M) and is_usual(wheelbases, WHEELBASES_M):
+            return other
+    return ""
+
+
+def is_usual(sizes_m: Sequence[float], usual_m: tuple[float, float]) -> bool:
+    """Return whether all sizes lie within the usual ones."""
+    return all(usual_m[0] <= size <= usual_m[1] for size in sizes_m)
 
 
 def length(metres: float) -> str:

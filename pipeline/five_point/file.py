@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..diagnostics import better_unit, length
+from ..diagnostics import WHEELS_APART_M, length, vehicle_unit
 from ..errors import Doubt, InputError, Wording, remedy_of
 from ..files import sha256
 from ..system import stage
@@ -36,14 +36,11 @@ COUNTERCLOCKWISE = (
     "Azimuth is taken counterclockwise from x: with blocks in the order {names}, this sense leaves "
     "the vehicle upright."
 )
-# Largest distance between two wheel centres: a child's kart has 1 m, the longest road train 25 m.
-# Between any two units lies a factor of 25 or more, so that every vehicle of 1.2 to 12.7 m whose
-# unit is wrong is outside.
-VEHICLE_SIZES_M = (0.5, 30.0)
 # cos 60 degrees: no ramp tilts a vehicle so far.
 MIN_UPRIGHT_COSINE = 0.5
 
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?", re.ASCII)  # D: Fortran
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eEdD][+-]?\d+)?", re.ASCII)
 _SEPARATOR = re.compile(r"[ \t]*,[ \t]*|[ \t]+")
 
 
@@ -186,10 +183,11 @@ def _parse(text: str, columns: str, source: str) -> Array:
 def _parse_row(row: str, columns: str) -> list[float]:
     if not row:
         raise InputError("a blank line between rows: remove it")
-    fields = _SEPARATOR.split(row.replace("\N{MINUS SIGN}", "-"))
+    fields = _fields(row.replace("\N{MINUS SIGN}", "-"))
     for field in fields:
         if not field:
-            raise InputError("nothing before or after a comma: write one comma between numbers")
+            mark = "semicolon" if ";" in row else "comma"
+            raise InputError(f"nothing before or after a {mark}: write one {mark} between numbers")
         if field.lower().lstrip("+-") in ("nan", "inf", "infinity"):
             raise InputError(f"{field} where a finite number is needed: measure the point again")
         if not _NUMBER.fullmatch(field):
@@ -203,10 +201,24 @@ def _parse_row(row: str, columns: str) -> list[float]:
         plural = "" if len(fields) == 1 else "s"
         fact = f"{len(fields)} number{plural} where 3 are needed ({columns})"
         raise InputError(f"{fact}: {action}")
-    values = [float(field) for field in fields]
+    values = [float(field.replace("D", "E").replace("d", "e")) for field in fields]
     if not all(map(math.isfinite, values)):
         raise InputError("a number beyond 1.8e308: measure the point again")
     return values
+
+
+def _fields(row: str) -> list[str]:
+    """Split a row into its fields, with decimal points.
+
+    Commas are decimal between semicolons, and between blanks where three fields have any that are
+    more than three otherwise.
+    """
+    if ";" in row:
+        return [field.strip(" \t").replace(",", ".") for field in row.split(";")]
+    fields, words = _SEPARATOR.split(row), row.split()
+    if len(fields) > len(words) == 3 and all(map(_DECIMAL_COMMA.fullmatch, words)):
+        return [word.replace(",", ".") for word in words]
+    return fields
 
 
 def _check_count(rows: int, source: str) -> None:
@@ -268,12 +280,17 @@ def _check_vehicle(blocks_m: Array, unit: str, source: str) -> None:
     By medians, so that one wrong point of a block is not taken for a wrong unit.
     """
     middles_m = np.median(blocks_m, axis=1)
-    size_m = float(np.linalg.norm(middles_m[:, None] - middles_m, axis=-1).max())
-    smallest, largest = VEHICLE_SIZES_M
+    apart_m = np.linalg.norm(middles_m[:, None] - middles_m, axis=-1)
+    size_m = float(apart_m.max())
+    smallest, largest = WHEELS_APART_M
     if size_m > 0.0 and not smallest <= size_m <= largest:
+        other = vehicle_unit([apart_m[0, 1], apart_m[2, 3]], [apart_m[0, 2], apart_m[1, 3]], unit)
+        fix = f"convert the file to one of {', '.join(LENGTH_UNITS)}: in none is it a vehicle's"
+        if other:
+            fix = f"in {other} they are a vehicle's: give --length-unit {other}"
         raise InputError(
             f"{source}: the wheel centres lie up to {length(size_m)} apart in {unit}, a vehicle's "
-            f"{smallest:g} to {largest:g} m: {better_unit(size_m, unit, '--length-unit {}')}"
+            f"{smallest:g} to {largest:g} m: {fix}"
         )
 
 

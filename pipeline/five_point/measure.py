@@ -12,7 +12,7 @@ from ..measurement import Measurement, Observation, Provenance, align
 from .check_blocks import check_blocks, check_radius
 from .components import Station
 from .file import FivePointFile
-from .observe import observe_block, pooled_noise
+from .observe import copied_blocks, observe_block, pooled_noise
 
 
 def measure_five_point(
@@ -27,12 +27,14 @@ def measure_five_point(
     station: total station whose stated uncertainty is used; without it, the points' scatter.
     radius_m: of the circle that the five points of every block lie on, if it is known. check:
     whether a block that is not plausible gets a status, and adds nothing to the noise of the
-    others. Raises InputError where it is a reference wheel's, and not because of a single point.
+    others; a copy of a block adds nothing in any case. Raises InputError where it is a reference
+    wheel's, and not because of a single point.
     """
     if radius_m is not None:
         check_radius(file.blocks_m, radius_m, file.source)
     checks = check_blocks(file.blocks_m, station, radius_m) if check else ()
     bad = [index for index, one in enumerate(checks) if one.status != "ok"]
+    bad += copied_blocks(file.blocks_m)
     noise = pooled_noise(np.delete(file.blocks_m, bad, axis=0), station)
     observations = [
         observe_block(file, index, noise, station, checks[index] if checks else None)

@@ -18,6 +18,9 @@ from .components import PooledNoise, Station, point_components, unexplained_nois
 from .file import FivePointFile
 from .fit_block import BlockFit, fit_block
 
+# Of every point of a copy from its own, for rounding: far below the noise of any total station.
+COPIED_M = 2e-5
+
 
 def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
     """Return the noise across the planes of all blocks (M, 5, 3), less the station's stated one."""
@@ -26,6 +29,21 @@ def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
     square = sum(5.0 * fit.rms_m**2 for fit in fits) / dof
     noise = PooledNoise(float(np.sqrt(square)), dof)
     return noise if station is None else unexplained_noise(noise, blocks_m, fits, station)
+
+
+def copied_blocks(blocks_m: Array) -> list[int]:
+    """Return the indices of blocks (M, 5, 3) with the points of an earlier one, in any order.
+
+    They show no noise of their own.
+    """
+    found = []
+    for index, block in enumerate(blocks_m):
+        for earlier in blocks_m[:index]:
+            apart_m = np.linalg.norm(block[:, None] - earlier, axis=-1)
+            if max(apart_m.min(axis=0).max(), apart_m.min(axis=1).max()) < COPIED_M:
+                found.append(index)
+                break
+    return found
 
 
 @stage("plane")

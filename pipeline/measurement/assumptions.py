@@ -68,6 +68,12 @@ SCATTERED = (
     "standard deviation of a scan). This is in the uncertainty of their pooled values, not in that "
     "of each scan: check whether something moved between them."
 )
+NOT_UPRIGHT = (
+    "The stated errors of the scanner's axes count about z of the scans, which lies {off}° from "
+    "{vertical}: if the scanner stood upright, their uncertainty is wrong: export the scans with z "
+    "up."
+)
+UPRIGHT_DEG = 20.0  # from z to the vertical: more is no ramp and no scanner set up by hand
 ZEROS = "Counted as zero, as no file states them: {parts}."
 
 # Terms of [instrument] by their names in the notes.
@@ -101,6 +107,7 @@ def notes_of_assumptions(
         *_note_of_centres(measurement),
         *_note_of_repeats(measurement),
         *_note_of_mounting(measurement, target),
+        *_note_of_z(measurement, instrument),
         *_note_of_zeros(measurement, target, instrument),
     )
 
@@ -252,6 +259,23 @@ def _skewed(measurement: Measurement, unlike: Sequence[str]) -> tuple[float, flo
         abs(math.asin(float(other.up @ frame.left))),
         abs(middles),
     )
+
+
+def _note_of_z(measurement: Measurement, instrument: InstrumentConfig) -> Iterator[str]:
+    """Yield a note where axis errors are stated, but z of the scans is far from the vertical.
+
+    The vertical is gravity where it is stated, and the normal to the wheel centres otherwise.
+    """
+    if len(_missing(instrument, AXES)) == len(AXES):
+        return
+    kind: VerticalKind = "wheels"
+    up = measurement.frame.up
+    for vertical in measurement.verticals:
+        if vertical.kind == "gravity":
+            kind, up = "gravity", vertical.normal
+    off_deg = math.degrees(math.atan2(math.hypot(up[0], up[1]), abs(up[2])))
+    if off_deg > UPRIGHT_DEG:
+        yield Wording(NOT_UPRIGHT, off=f"{off_deg:.0f}", vertical=VERTICALS[kind])
 
 
 def _note_of_zeros(

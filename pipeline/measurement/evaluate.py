@@ -10,6 +10,7 @@ import numpy as np
 
 from ..capture import StatedVertical
 from ..centre import off_tyre, on_wheel, unlike_wheels, with_unstated
+from ..diagnostics import TRACKS_M, WHEELBASES_M, check_wheels, is_usual
 from ..errors import InputError, Wording
 from ..system import stage
 from ..uncertainty import (
@@ -48,6 +49,11 @@ Verticals = Callable[
 WITHOUT_POINT = (
     "{name} stands in the frame and in the vehicle's quantities without its suspect point, line "
     "{line} of the file."
+)
+UNUSUAL_SIZE = (
+    "Tracks of {rear} m (rear) and {front} m (front) and wheelbases of {right} m (right) and "
+    "{left} m (left) are not those of usual vehicles: unless this vehicle is built so, check the "
+    "unit of the coordinates: angles do not show it, lengths do."
 )
 FLOOR_OF_SCANS = "the floor in the scans, {depth} m below the wheel centres"
 PADS = (
@@ -89,7 +95,8 @@ def align(
     measured = [one for one in observations if one.evidence is not None]
     used, known = verticals(frame, observations) if verticals else (None, ())
     doubts = doubts_of(frame, centres, measured, known)
-    notes = (*notes, *doubts, *_without_a_point(measured))
+    sizes = [] if doubts else _note_of_size(frame, centres)  # of wrong wheels they mean nothing
+    notes = (*notes, *doubts, *sizes, *_without_a_point(measured))
     found = evaluate(observations, [one.fitted for one in measured], provenance, notes, used)
     return replace(found, verticals=known)
 
@@ -99,10 +106,21 @@ def _frame_of(
 ) -> tuple[Array, VehicleFrame]:
     """Return the centres (4, 3) of the reference wheels and their frame. Raises InputError."""
     centres = np.stack([observation.fitted.centre_m for observation in observations[:4]])
+    check_wheels(centres, REFERENCE_WHEELS, provenance.source)
     try:
         return centres, build_reference_frame(centres)
     except InputError as error:
         raise InputError(f"{provenance.source}: {error}") from error
+
+
+def _note_of_size(frame: VehicleFrame, centres: Array) -> list[Wording]:
+    """Return a note where the tracks or wheelbases (4 centres) are not those of usual vehicles."""
+    tracks = (frame.rear_track_m, frame.front_track_m)
+    wheelbases = np.linalg.norm(centres[2:] - centres[:2], axis=1).tolist()
+    if is_usual(tracks, TRACKS_M) and is_usual(wheelbases, WHEELBASES_M):
+        return []
+    sizes = {"rear": tracks[0], "front": tracks[1], "right": wheelbases[0], "left": wheelbases[1]}
+    return [Wording(UNUSUAL_SIZE, **{name: f"{size:.3f}" for name, size in sizes.items()})]
 
 
 def _with_wheel_centres(

@@ -14,8 +14,10 @@ from wheelplane.diagnostics.plausibility import (
     check_poses,
     check_vehicle_cloud,
     check_wheel_scan,
+    check_wheels,
     float32_step,
     lone_points,
+    vehicle_unit,
 )
 from wheelplane.diagnostics.selftest import certified_folder
 from wheelplane.errors import InputError
@@ -219,3 +221,38 @@ def test_poses_that_change_angles_are_refused(R, sound):
         return
     with pytest.raises(InputError, match=r"^rr\.ptx: the pose of its scan a is no rotation: it "):
         check_poses(parts, "rr.ptx")
+
+
+CENTRES_M = np.array([[-0.75, 0.0, 0.3], [0.75, 0.0, 0.3], [-0.75, 2.5, 0.3], [0.75, 2.5, 0.3]])
+WHEELS = ("RR", "RL", "FR", "FL")
+
+
+@pytest.mark.parametrize(
+    ("scale", "pair"),
+    [(1.0, None), (0.34, None), (0.3, "RR and RL"), (10.5, "RR and FL|RL and FR")],
+)
+def test_wheel_centres_as_near_or_far_as_on_no_vehicle_are_refused(scale, pair):
+    """Tracks of 0.51 and 0.45 m, diagonals of 2.9 and 30.6 m."""
+    if pair is None:
+        check_wheels(scale * CENTRES_M, WHEELS, "here")
+    else:
+        with pytest.raises(InputError, match=f"^here: the wheel centres of ({pair}) lie"):
+            check_wheels(scale * CENTRES_M, WHEELS, "here")
+
+
+def test_scans_that_each_lie_in_coordinates_of_their_own_are_refused():
+    """One wheel beside another, whatever the others are."""
+    centres = CENTRES_M.copy()
+    centres[3] = centres[0] + [0.05, 0.0, 0.0]
+    with pytest.raises(InputError, match=r"of RR and FL lie 50 mm apart, .* one coordinate system"):
+        check_wheels(centres, WHEELS, "here")
+
+
+@pytest.mark.parametrize("true", ["m", "mm", "in", "cm", "ft"])
+@pytest.mark.parametrize("read", FACTOR)
+def test_the_unit_of_a_vehicle_is_the_one_that_makes_it_usual(read, true):
+    """None is for centimetres and feet, of which 3.8 and 38 m would be made."""
+    own = {**FACTOR, "cm": 0.01, "ft": 0.3048}[true]
+    tracks, wheelbases = ([size / own * FACTOR[read] for size in one] for one in ([1.5], [2.5]))
+    wanted = true if true in FACTOR and true != read else ""
+    assert vehicle_unit(tracks, wheelbases, read) == wanted

@@ -390,10 +390,10 @@ def test_every_column_of_the_catalogue_is_listed(tmp_path):
 NOTES = {
     "assumptions.py": (
         "_note_of_axles", "_note_of_mounting", "_note_of_bare_wheels", "_note_of_centres",
-        "_note_of_repeats", "_note_of_zeros",
+        "_note_of_repeats", "_note_of_z", "_note_of_zeros",
     ),
     "request.py": ("note_of_plates",),
-    "evaluate.py": ("_notes_of_floor", "_without_a_point"),
+    "evaluate.py": ("_note_of_size", "_notes_of_floor", "_without_a_point"),
     "doubts.py": ("_upside_down", "_far_from_their_wheel", "_unlike_axles", "_copies"),
     "observe_vehicle.py": ("_of_others",),
     "records.py": ("notes",),

@@ -331,8 +331,9 @@ BAD = {
     "short row": (edited(17, "96.4 99.6"), "line 17: 2 numbers where 3 are needed (x y z): compl"),
     "one number": (edited(1, "96.4"), "line 1: 1 number where"),
     "long row": (edited(40, "40 95.3 97.9 51.1"), "line 40: 4 numbers where 3 are needed"),
-    "decimal commas": (edited(2, "95,2 97,8 51,1"), "line 2: 6 numbers where 3 are needed"),
-    "semicolons": (edited(3, "95.2;97.8;51.1"), "line 3: '95.2;97.8;51.1' is not a number"),
+    "decimal commas": (edited(2, "95,2 97,8 51,1,"), "line 2: nothing before or after a comma"),
+    "semicolons": (edited(3, "95.2;97.8;;51.1"), "line 3: nothing before or after a semicolon"),
+    "both marks": (edited(3, "1,095.2;97.8;51.1"), "line 3: '1.095.2' is not a number"),
     "header": (edited(1, "x,y,z"), "line 1: 'x' is not a number: write x y z only"),
     "comment": (edited(6, "# rear left"), "line 6: '#' is not a number"),
     "unit": (edited(7, "95.2m,97.8,51.1"), "line 7: '95.2m' is not a number"),
@@ -516,3 +517,76 @@ def test_summary_is_in_degrees_minutes_seconds():
     full = summary_table(measurement, View(digits="full")).split("\n")[1].split()
     assert full[:3] == ["RR", "RR", "-00°19'40.7\""]
     assert full[4] == "+01°40'11.5\""
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit", "proposed"),
+    [(1e3, "m", "mm"), (1e3 / 25.4, "m", "in"), (1e-3, "mm", "m"), (100.0, "m", None)],
+)
+def test_a_unit_is_proposed_only_if_it_makes_a_vehicle(tmp_path, factor, unit, proposed):
+    """Centimetres read as inches are a track of 3.8 m: no unit is right, and none is proposed."""
+    path = tmp_path / "five.txt"
+    own = in_metres(1.0, unit) if unit == "mm" else 1.0
+    scale = factor if unit == "m" else factor / own
+    np.savetxt(path, scale * figure_4().reshape(-1, 3), fmt="%.9f")
+    with pytest.raises(InputError, match="the wheel centres lie up to") as caught:
+        read_five_point(path, length_unit=unit)
+    found = re.search(r"give --length-unit (\w+)$", str(caught.value))
+    assert (found[1] if found else None) == proposed
+
+
+@pytest.mark.parametrize(("scale", "noted"), [(1.0, False), (1.0 / 0.3048, True), (0.6, True)])
+def test_lengths_of_no_usual_vehicle_are_noted(tmp_path, scale, noted):
+    """Feet, of which no angle shows anything."""
+    path = tmp_path / "five.txt"
+    np.savetxt(path, scale * figure_4().reshape(-1, 3), fmt="%.9f")
+    notes = measure_five_point(read_five_point(path), check=False).notes
+    assert sum("are not those of usual vehicles" in note for note in notes) == noted
+
+
+@pytest.mark.parametrize("rounded", [9, 5])
+@pytest.mark.parametrize("order", [[0, 1, 2, 3, 4], [3, 4, 0, 1, 2]])
+@pytest.mark.parametrize("check", [True, False])
+def test_a_copied_block_adds_nothing_to_the_noise(tmp_path, rounded, order, check):
+    """The u of every other wheel stays; another trial of as little noise changes it."""
+    path, rng = tmp_path / "five.txt", np.random.default_rng(0)
+    blocks = figure_4()[:5]
+    np.savetxt(path, blocks.reshape(-1, 3), fmt="%.9f")
+    alone = measure_five_point(read_five_point(path), check=check)
+    for copied, alike in ((blocks[0], True), (blocks[0] + rng.normal(0, 5e-4, (5, 3)), False)):
+        more = np.concatenate([blocks, copied[None, order].round(rounded)])
+        np.savetxt(path, more.reshape(-1, 3), fmt="%.9f")
+        found = measure_five_point(read_five_point(path), check=check)
+        u = [[wheel.u_toe_rad for wheel in one.wheels[:5]] for one in (alone, found)]
+        assert (u[0] == pytest.approx(u[1], rel=1e-9)) == alike
+
+
+@pytest.mark.parametrize("form", ["; ", ";", "\t", " ", "D", "d"])
+def test_forms_of_numbers_say_the_same(tmp_path, form):
+    """Decimal commas between semicolons, tabs or blanks; exponents of Fortran."""
+    path, rows = tmp_path / "five.txt", figure_4().reshape(-1, 3)
+    np.savetxt(path, rows, fmt="%.9e")
+    wanted = read_five_point(path).blocks_m
+    text = path.read_text()
+    marks = {"e": form} if form in "Dd" else {".": ",", " ": form}
+    path.write_text(text.translate(str.maketrans(marks)))
+    np.testing.assert_array_equal(read_five_point(path).blocks_m, wanted)
+
+
+def test_decimal_commas_between_commas_are_refused(tmp_path):
+    path = tmp_path / "five.txt"
+    path.write_bytes(edited(2, "95,2,97,8,51,1"))
+    with pytest.raises(InputError, match="line 2: 6 numbers where 3 are needed"):
+        read_five_point(path)
+
+
+def test_axles_in_one_place_are_refused(tmp_path):
+    """Wheelbases of 0.3 m, with tracks of a vehicle."""
+    path, blocks = tmp_path / "five.txt", figure_4()
+    middles = blocks[:4].mean(axis=1)
+    ahead = middles[2:] - middles[:2]
+    shift = 0.3 * ahead / np.linalg.norm(ahead, axis=1)[:, None] - ahead
+    blocks[2:4] += shift[:, None]
+    np.savetxt(path, blocks.reshape(-1, 3), fmt="%.9f")
+    with pytest.raises(InputError, match=r"wheel centres of R[RL] and F[RL] lie 300 mm apart"):
+        measure_five_point(read_five_point(path), check=False)

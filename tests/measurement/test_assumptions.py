@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.kinematics.test_runout import ECCENTRIC, all_round
@@ -54,6 +55,29 @@ def test_what_the_files_state_is_not_noted(plates):
     flat = DISC.model_copy(update={"clamp_tilt_deg": 0.01})
     (zeros,) = notes_of_assumptions(plates, flat, STATED)
     assert zeros == "Counted as zero, as no file states them: flatness of the target."
+
+
+def tilted(measurement, degrees):
+    """Return a measurement of a vehicle whose up is turned about x from z of the scans."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    left, forward, up = np.eye(3) @ turn.T
+    frame = replace(measurement.frame, left=left, forward=forward, up=up)
+    return replace(measurement, frame=frame)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "noted"), [(0.0, False), (15.0, False), (25.0, True), (90.0, True), (180.0, False)]
+)
+def test_axis_errors_of_scans_whose_z_is_not_vertical_are_noted(plates, degrees, noted):
+    """z down is the same axis; without stated axis errors there is nothing to note."""
+    turned = tilted(plates, degrees)
+    said = [
+        [note for note in notes_of_assumptions(turned, DISC, stated) if "count about z" in note]
+        for stated in (STATED, InstrumentConfig(**RANGE))
+    ]
+    assert (len(said[0]), len(said[1])) == (noted, 0)
+    assert not noted or f"lies {degrees:.0f}° from the normal to the plane" in said[0][0]
 
 
 def test_wheels_with_run_out_are_named_and_those_without_have_their_scatter():

@@ -238,3 +238,29 @@ def test_it_is_valid_by_the_published_schema(adjusted, tmp_path):
     path.write_text(path.read_text().replace("<dcc:issueDate>2026-11-05</dcc:issueDate>",
                                              "<dcc:issueDate>soon</dcc:issueDate>"))  # fmt: skip
     assert len(schema_faults(path, Path(SCHEMA))) == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "u_key", "ends", "expanded"),
+    [
+        ("temperature_c", "temperature_u_c", (20.5, 21.6), 0.3),
+        ("humidity_percent", "humidity_u_percent", (48.0, 53.0), 2.5),
+        ("pressure_hpa", "pressure_u_hpa", (1013.25, 1014.5), 0.0012),
+    ],
+)
+def test_conditions_have_the_uncertainty_of_their_sensors(key, u_key, ends, expanded):
+    """Both ends of each, as the page prints them; without a stated U there is none."""
+    path = "dcc:influenceCondition/dcc:data/dcc:quantity/si:real"
+    found = {}
+    for u in (expanded, None):
+        made = certificate(given("environment", **{key: ends, u_key: u}))
+        reals = every(tree(made), path)
+        found[u] = [
+            [one.text for one in real.iter() if one.tag.endswith("valueExpandedMU")]
+            for real in reals
+            if float(real.find("si:value", NAMES).text) in ends
+        ]
+        kinds = [child.tag.partition("}")[2] for real in reals for child in real]
+        assert kinds[:2] == ["value", "unit"]
+    assert [[float(text) for text in texts] for texts in found[expanded]] == [[expanded]] * 2
+    assert found[None] == [[]] * 2

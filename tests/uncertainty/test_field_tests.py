@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 from wheelplane.errors import InputError
-from wheelplane.uncertainty.field_tests import FACES, LENGTHS, evaluate_tests, fit_terms
+from wheelplane.uncertainty.field_tables import FACES, LENGTHS
+from wheelplane.uncertainty.field_tests import evaluate_tests, fit_terms
 from wheelplane_synth.parameters.parameters import Calibration
 from wheelplane_synth.scanner.systematic import measured_angles, measured_range_m
 
@@ -23,18 +24,41 @@ ANGLE_SIGMA_ARCSEC = 3.0
 U_M = 3e-5
 
 
-def two_faces(path, seed=0, count=60, steep_deg=60.0, near_m=1.0, noise=ANGLE_SIGMA_ARCSEC):
-    """Targets all round, in both faces, by the generator's own formulas."""
+def two_faces(
+    path,
+    seed=0,
+    count=60,
+    steep_deg=60.0,
+    near_m=1.0,
+    far_m=12.0,
+    noise=ANGLE_SIGMA_ARCSEC,
+    phase_deg=0.0,
+    reversed_cosine=True,
+    planted=PLANTED,
+):
+    """Targets all round, in both faces, by the generator's own formulas.
+
+    phase_deg: of the elevation's eccentricity. reversed_cosine: whether face 2 reverses its cosine
+    part as well, as it does in the generator.
+    """
     rng = np.random.default_rng(seed)
     azimuth, elevation = (
         rng.uniform(-np.pi, np.pi, count),
         np.radians(steep_deg) * rng.uniform(-1, 1, count),
     )
-    range_m = rng.uniform(near_m, 12.0, count)
+    range_m = rng.uniform(near_m, far_m, count)
+    cosine = -planted["elevation_eccentricity_arcsec"] * np.sin(np.radians(phase_deg))
     lines = [",".join(FACES)]
     for face in (1, 2):
-        errors = Calibration(**PLANTED, face=face, azimuth_eccentricity_at_deg=40.0)
+        errors = Calibration(
+            **planted,
+            face=face,
+            azimuth_eccentricity_at_deg=40.0,
+            elevation_eccentricity_at_deg=phase_deg,
+        )
         a, e = measured_angles(azimuth, elevation, range_m, errors)
+        if face == 2 and not reversed_cosine:
+            e = e + 2.0 * np.radians(cosine / 3600.0) * np.cos(elevation)
         a = a + rng.normal(0, np.radians(noise / 3600), count) / np.cos(elevation)
         e = e + rng.normal(0, np.radians(noise / 3600), count)
         turn = 360.0 * rng.integers(0, 2, count)  # exporters differ in the turn that they begin at
@@ -81,17 +105,63 @@ def test_planted_terms_are_found_within_their_u(tmp_path):
         assert set(WANTED) < set(found)
         offs.append([(found[k].value - value) / found[k].u for k, value in WANTED.items()])
         for key, value in WANTED.items():
-            assert found[key].u < 0.5 * abs(value)
+            assert key == "vertical_index_arcsec" or found[key].u < 0.5 * abs(value)
             assert found[key].stated == pytest.approx(np.hypot(found[key].value, found[key].u))
-        # Of the elevation's, sine alone is seen: its cosine is nearly the index.
-        for axis, size in (("azimuth", 9.0), ("elevation", 14.0 * np.sqrt(2.0))):
+        for axis, size in (("azimuth", 9.0), ("elevation", 14.0)):
             assert found[f"{axis}_eccentricity_arcsec"].value == pytest.approx(size, abs=6.0)
     offs = np.array(offs)
-    # The index takes the cosine of the elevation's eccentricity, of phase 0: nothing here.
     rms = np.sqrt(np.mean(offs**2, axis=0))
     assert np.all(rms < 1.0 + 4.0 / np.sqrt(2 * tests))
-    assert np.all(rms > 1.0 - 4.0 / np.sqrt(2 * tests))
-    assert 0.9 < np.mean(np.abs(offs) < 1.96) <= 1.0
+    # The u of the index allows for a cosine of the elevation's eccentricity: nothing, in phase 0.
+    seen = [key != "vertical_index_arcsec" for key in WANTED]
+    assert np.all(rms[seen] > 1.0 - 4.0 / np.sqrt(2 * tests))
+    assert 0.9 < np.mean(np.abs(offs[:, seen]) < 1.96) <= 1.0
+
+
+@pytest.mark.parametrize("reversed_cosine", [True, False])
+@pytest.mark.parametrize("steep_deg", [30.0, 75.0])
+@pytest.mark.parametrize("phase_deg", [0.0, 23.0, 90.0, -90.0])
+def test_index_and_eccentricity_hold_in_every_phase(
+    tmp_path, phase_deg, steep_deg, reversed_cosine
+):
+    """Two faces do not separate the eccentricity's cosine, which they need not reverse.
+
+    Circles are as eccentric as one another: what else could be known of a part that is not seen?
+    """
+    offs, planted = [], PLANTED | {"elevation_eccentricity_arcsec": 9.0}
+    for seed in range(20):
+        path = two_faces(
+            tmp_path / "f.csv",
+            seed,
+            steep_deg=steep_deg,
+            phase_deg=phase_deg,
+            reversed_cosine=reversed_cosine,
+            planted=planted,
+        )
+        found = evaluate_tests([path])
+        terms = {term.key: term for term in found.terms}
+        for key in ("vertical_index_arcsec", "elevation_eccentricity_arcsec"):
+            assert terms[key].u < 20.0
+            offs.append((terms[key].value - planted[key]) / terms[key].u)
+    assert np.sqrt(np.mean(np.reshape(offs, (-1, 2)) ** 2, axis=0)).max() < 1.2
+
+
+@pytest.mark.parametrize(("near_m", "far_m"), [(2.0, 2.5), (8.0, 9.0)])
+def test_the_collimation_allows_for_a_beam_offset_that_no_ranges_show(tmp_path, near_m, far_m):
+    """Left out, the offset adds itself over the range to the collimation; nothing to the rest."""
+    offs, us = [], []
+    for seed in range(20):
+        path = two_faces(tmp_path / "f.csv", seed, count=12, near_m=near_m, far_m=far_m)
+        found = evaluate_tests([path])
+        assert "beam_offset_m" in found.left_out
+        terms = {term.key: term for term in found.terms}
+        us.append(terms["collimation_arcsec"].u)
+        for key in ("collimation_arcsec", "trunnion_arcsec"):
+            offs.append((terms[key].value - PLANTED[key]) / terms[key].u)
+    rms = np.sqrt(np.mean(np.reshape(offs, (-1, 2)) ** 2, axis=0))
+    assert rms.max() < 1.0 + 4.0 / np.sqrt(2 * 20)
+    by_offset = np.degrees(5e-4 / (0.5 * (near_m + far_m))) * 3600.0
+    assert np.mean(us) == pytest.approx(by_offset, rel=0.25)
 
 
 def test_what_the_tests_cannot_tell_apart_is_left_out(tmp_path):
@@ -158,7 +228,10 @@ BAD = {
     "zenith": (",".join(FACES) + "\nT1,1,10.0,95.0,3.0\n", "an elevation within 85 degrees"),
     "one face": (",".join(FACES) + f"\n{ROW}\n", "has face 1 alone"),
     "other sense": (",".join(FACES) + f"\n{ROW}\nT1,2,190.0,5.0,3.0\n", "in the sense of face 1"),
-    "few": (",".join(FACES) + f"\n{ROW}\nT1,2,10.0,5.0,3.0\n", "are too few"),
+    "few": (
+        ",".join(FACES) + f"\n{ROW}\nT1,2,10.01,5.0,3.0\nT2,1,60,20,3\nT2,2,60,20.01,3\n",
+        "are too few",
+    ),
     "negative": (",".join(LENGTHS) + "\nL,1.0,1.0,0.0,2.0,3.0\n", "must be above 0"),
     "in mm": (",".join(LENGTHS) + "\nL,1135.5,1135.4,0.03,7050,5910\n", "are in metres"),
     "triangle": (",".join(LENGTHS) + "\nL,9.0,9.0,0.1,2.0,3.0\n", "cannot lie between points"),
@@ -234,7 +307,11 @@ def test_azimuths_count_in_any_turn_and_from_any_zero(tmp_path, offset):
 def test_faces_half_a_degree_apart_across_the_beam_are_two_targets(
     tmp_path, elevation, azimuth_apart, elevation_apart, refused
 ):
-    rows = [(k, face, 30.0 * k, elevation) for k in range(12) for face in (1, 2)]
+    noise = np.random.default_rng(0).normal(0.0, 1e-3, (12, 3))
+    rows = [
+        (k, face, 30.0 * k + face * noise[k, 0], elevation + 6.0 * (k > 5) + face * noise[k, 1])
+        for k in range(12) for face in (1, 2)
+    ]  # fmt: skip
     k, face, a, e = rows[5]
     rows[5] = (k, face, a + azimuth_apart, e + elevation_apart)
     path = faces_file(tmp_path / "f.csv", rows)
@@ -242,7 +319,8 @@ def test_faces_half_a_degree_apart_across_the_beam_are_two_targets(
         with pytest.raises(InputError, match="both faces of target 'T2'"):
             evaluate_tests([path])
     else:
-        evaluate_tests([path])
+        with pytest.raises(InputError, match=r"target 'T2' .* as far off as the others scatter"):
+            evaluate_tests([path])
 
 
 def pairs_file(path, rows):
@@ -312,3 +390,119 @@ def test_an_empty_cell_or_no_range_is_refused_with_its_line(tmp_path, row):
     path.write_text(f"{','.join(FACES)}\n{ROW}\n,,,,\n# note\n{row}\n")
     with pytest.raises(InputError, match="line 5: "):
         evaluate_tests([path])
+
+
+def changed(path, change):
+    """Write a table anew, its cells changed by `change(index of the row, cells)`."""
+    heading, *rows = [line.split(",") for line in path.read_text().splitlines() if line[0] != "#"]
+    rows = [change(index, row) for index, row in enumerate(rows)]
+    path.write_text("\n".join(",".join(row) for row in [heading, *rows]) + "\n")
+    return path
+
+
+def scaled(columns, factor):
+    """Return the change of these columns by a factor."""
+    return lambda _, row: [
+        f"{float(cell) * factor:.9f}" if column in columns else cell
+        for column, cell in enumerate(row)
+    ]
+
+
+def moved(line, column, by):
+    """Return the change of one cell by an amount."""
+    return lambda index, row: [
+        f"{float(cell) + by:.9f}" if (index, at) == (line - 2, column) else cell
+        for at, cell in enumerate(row)
+    ]
+
+
+def radians(_, row):
+    """Change the angles of a row to radians, of one turn."""
+    return [*row[:2], f"{np.radians(float(row[2]) % 360.0):.9f}",
+            f"{np.radians(float(row[3])):.9f}", row[4]]  # fmt: skip
+
+
+def level(elevation):
+    """Return the change of all elevations to about one."""
+    return lambda index, row: [*row[:3], f"{elevation + 1e-3 * (index % 7):.6f}", row[4]]
+
+
+SLIPS = {  # of 20 targets, face 1 in lines 2 to 21, or of 24 lengths
+    "radians": (two_faces, radians, "as radians do: give degrees"),
+    "millimetres": (two_faces, scaled((4,), 1000.0), "are in metres"),
+    "ranges of faces": (two_faces, moved(7, 4, 0.2), "lines 7 and 27: the ranges of target 'T5'"),
+    "outlier": (two_faces, moved(4, 2, 0.1), "target 'T2' (lines 4 and 24) is"),
+    "outlier upwards": (two_faces, moved(4, 3, 0.1), "target 'T2' (lines 4 and 24) is"),
+    "one elevation": (two_faces, level(2.0), "at elevations of 2 to 2.00"),
+    "outlier of lengths": (lengths, moved(6, 1, 0.5), "pair 'L4' (line 6) is"),
+    "references": (lengths, lambda k, row: ["L0" if k < 2 else row[0], *row[1:]], "lines 2 and 3"),
+}
+
+
+@pytest.mark.parametrize("name", SLIPS)
+def test_a_slip_in_a_table_is_refused_with_its_lines(tmp_path, name):
+    write, change, message = SLIPS[name]
+    options = {"count": 20} if write is two_faces else {"repeats": 1}
+    path = write(tmp_path / "t.csv", **options)
+    turn = changed(path, lambda _, row: row)
+    evaluate_tests([turn])
+    with pytest.raises(InputError) as error:
+        evaluate_tests([changed(path, change)])
+    assert message in str(error.value)
+    assert str(error.value).startswith(str(path))
+
+
+def test_azimuths_of_a_turn_of_400_are_in_gon(tmp_path):
+    rows = [(k, face, 13.0 * k, 2.0 * k + 1e-3 * face) for k in range(30) for face in (1, 2)]
+    evaluate_tests([faces_file(tmp_path / "f.csv", [r for r in rows if r[2] < 361.0])])
+    with pytest.raises(InputError, match=r"line 60: an azimuth of 377 .* 400 gon: give degrees"):
+        evaluate_tests([faces_file(tmp_path / "f.csv", rows)])
+
+
+def test_a_second_face_that_is_a_copy_of_the_first_is_refused(tmp_path):
+    path = two_faces(tmp_path / "f.csv", count=20)
+    first = [line.split(",") for line in path.read_text().splitlines()[1:21]]
+    with pytest.raises(InputError, match="face 2 has the very angles of face 1 on 20 of 20"):
+        evaluate_tests([changed(path, lambda k, row: [*row[:2], *first[k % 20][2:]])])
+
+
+def test_two_targets_of_one_name_are_refused(tmp_path):
+    path = two_faces(tmp_path / "f.csv", count=20)
+    path = changed(path, lambda _, row: ["T0" if row[0] == "T1" else row[0], *row[1:]])
+    with pytest.raises(InputError, match=r"lines 2 and 3: rows of target 'T0' in face 1 .* apart"):
+        evaluate_tests([path])
+
+
+@pytest.mark.parametrize("write", [two_faces, lengths])
+@pytest.mark.parametrize("delimiter", [";", "\t", ","])
+def test_a_table_of_a_spreadsheet_says_the_same(tmp_path, write, delimiter):
+    """Semicolons or tabs with decimal commas, and a heading in capitals."""
+    path = write(tmp_path / "t.csv")
+    terms = evaluate_tests([path]).terms
+    text = path.read_text()
+    if delimiter != ",":
+        text = text.replace(",", delimiter).replace(".", ",")
+    heading, rest = text.split("\n", 1)
+    path.write_text(f"{heading.title()}\n{rest}")
+    assert evaluate_tests([path]).terms == terms
+
+
+@pytest.mark.parametrize(
+    ("factor", "note"), [(1.0, None), (0.2, "u follows the scatter"), (1e3, "that it is in metres")]
+)
+def test_lengths_that_scatter_otherwise_than_stated_are_noted(tmp_path, factor, note):
+    path = changed(lengths(tmp_path / "l.csv", noise=1e-6), scaled((3,), factor))
+    notes = evaluate_tests([path]).notes
+    assert len(notes) == (note is not None)
+    assert note is None or note in notes[0]
+
+
+def test_observations_without_an_outlier_are_rarely_refused():
+    """Normal noise of few degrees of freedom: the level is that of the whole table."""
+    rng, labels = np.random.default_rng(0), tuple("abcdef")
+    for _ in range(500):
+        fit_terms({"one": np.ones(6)}, rng.normal(size=6), np.ones(6), "here", labels)
+    observed = rng.normal(size=6)
+    observed[3] += 1e4
+    with pytest.raises(InputError, match="here: d is"):
+        fit_terms({"one": np.ones(6)}, observed, np.ones(6), "here", labels)

@@ -24,10 +24,11 @@ UNITS: dict[Unit, tuple[float, str]] = {
 }
 FINEST = -9  # power of ten of a number whose U is not known
 CONDITIONS = (
-    ("temperature_c", r"\degreecelsius", "basic_temperature"),
-    ("humidity_percent", r"\percent", "basic_humidityRelative"),
-    ("pressure_hpa", r"\hecto\pascal", "basic_pressureAir"),
+    ("temperature_c", "temperature_u_c", r"\degreecelsius", "basic_temperature"),
+    ("humidity_percent", "humidity_u_percent", r"\percent", "basic_humidityRelative"),
+    ("pressure_hpa", "pressure_u_hpa", r"\hecto\pascal", "basic_pressureAir"),
 )
+CONDITION_FACTOR = "2"  # coverage factor of 95 % in certificates of sensors (EA-4/02 M, 5.1)
 
 
 def measurement_results(made: Certificate) -> Element:
@@ -84,14 +85,19 @@ def _equipment(one: StandardConfig) -> Element:
 
 def _conditions(made: Certificate) -> Element:
     found = []
-    for key, unit, kind in CONDITIONS:
-        ends = getattr(made.environment, key)
+    for key, key_u, unit, kind in CONDITIONS:
+        ends, expanded = getattr(made.environment, key), getattr(made.environment, key_u)
         if ends is None:
             continue
         values = [
             element(
                 "dcc:quantity",
-                element("si:real", element("si:value", f"{value:g}"), element("si:unit", unit)),
+                element(
+                    "si:real",
+                    element("si:value", f"{value:.10g}"),
+                    element("si:unit", unit),
+                    _univariate(f"{expanded:.10g}", CONDITION_FACTOR) if expanded else None,
+                ),
                 refType=f"{kind}{end}",
             )
             for end, value in zip(("Min", "Max"), ends, strict=True)
@@ -234,17 +240,12 @@ def _characteristic(result: QuantityResult) -> Element:
 def _real(key: str, value: Estimate, scale: float, unit: str) -> Element:
     place = place_of(value.expanded * scale)
     at = FINEST if place is None else place
-    mu = element(
-        "si:expandedMU",
-        element("si:valueExpandedMU", rounded(value.expanded * scale, at, "")),
-        element("si:coverageFactor", f"{value.expanded / value.u:.2f}" if value.u else "1"),
-        element("si:coverageProbability", "0.95"),
-    )
+    size = rounded(value.expanded * scale, at, "")
     real = element(
         "si:real",
         element("si:value", rounded(value.value * scale, at, "")),
         element("si:unit", unit),
-        element("si:measurementUncertaintyUnivariate", mu) if value.u else None,
+        _univariate(size, f"{value.expanded / value.u:.2f}") if value.u else None,
     )
     return element(
         "dcc:quantity",
@@ -252,6 +253,17 @@ def _real(key: str, value: Estimate, scale: float, unit: str) -> Element:
         real,
         refType=f"wheelplane_{key}",
     )
+
+
+def _univariate(expanded: str, factor: str) -> Element:
+    """Return the expanded uncertainty (95 %) of one number."""
+    inner = element(
+        "si:expandedMU",
+        element("si:valueExpandedMU", expanded),
+        element("si:coverageFactor", factor),
+        element("si:coverageProbability", "0.95"),
+    )
+    return element("si:measurementUncertaintyUnivariate", inner)
 
 
 def _place(value: Estimate, unit: Unit) -> int:
