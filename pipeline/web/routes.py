@@ -234,7 +234,7 @@ def add_archive(app: Flask, state: PageState) -> None:
     @app.get("/api/archive-plot/<int:root>/<path:relative>")
     def plot(root: int, relative: str = "") -> Response:
         folder = _results(state, root, relative)
-        svg = archive.plot(folder, request.args.get("quantity", ""), load_translations(language()))
+        svg = archive.plot(folder, request.args.to_dict(), load_translations(language()))
         return Response(svg, mimetype="image/svg+xml")
 
     @app.get("/api/archive-certificate/<int:root>/")

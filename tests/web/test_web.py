@@ -21,6 +21,7 @@ from wheelplane.errors import InputError
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.web.files.excerpt import failure
 
+BAR = 'stroke="#8aa9c8"'  # of one value in the picture of a trend
 WEB = Path(__file__).resolve().parents[2] / "pipeline" / "web"
 
 
@@ -460,6 +461,31 @@ def test_a_drift_is_shown(site, results):
     assert site.get("/api/archive-plot/0/results?quantity=nothing").status_code in (400, 404)
     assert site.get("/api/archive/nothing/0/results").status_code == 404
     assert site.get("/api/archive/overview/0/plain").status_code == 404
+
+
+def test_the_picture_of_a_drift_shows_the_captures_of_the_filter(site, results):
+    """As many bars as the table of the same filter counts values, each vehicle its own."""
+    asked = "/{}/0/results?quantity=RR+toe&{}"
+    drawn = {}
+    for which in ("", "vehicle=AA-00", "vehicle=AA-01", "text=car-0", "status=ok"):
+        trends = site.get("/api" + asked.format("archive/trends", which)).json
+        row = trends["table"]["rows"][trends["quantities"].index("RR toe")]
+        drawn[which] = site.get("/api" + asked.format("archive-plot", which)).text
+        assert drawn[which].count(BAR) == int(row[trends["table"]["head"].index("n")])
+    assert drawn[""] == drawn["status=ok"]
+    assert len(set(drawn.values())) == len(drawn) - 1
+    assert site.get("/api" + asked.format("archive-plot", "vehicle=other")).status_code == 404
+
+
+@pytest.mark.parametrize("question", ["captures", "failures", "trends", "chart"])
+def test_a_filter_of_an_unknown_kind_is_refused(site, results, question):
+    address = f"/api/archive/{question}/0/results?quantity=RR+toe"
+    assert site.get(f"{address}&status=&vertical=").status_code == 200
+    for name, known in (("status", "quarantined"), ("vertical", "gravity")):
+        answer = site.get(f"{address}&{name}=foo")
+        assert answer.status_code == 400
+        assert f"{name}: 'foo' is not one of" in answer.json["error"]
+        assert known in answer.json["error"]
 
 
 def test_results_behind_a_link_to_elsewhere_are_refused(site, results, tmp_path):

@@ -81,11 +81,12 @@ def _unlike_verticals(catalogue: Catalogue, parameters: Parameters, words: Trans
     return words("page.unlike_verticals", each=each)
 
 
-def plot(folder: Path, quantity: str, words: Translations) -> str:
-    """Draw one quantity over time, as SVG."""
+def plot(folder: Path, parameters: Parameters, words: Translations) -> str:
+    """Draw one quantity of the captures that match a filter over time, as SVG."""
+    quantity, which = parameters.get("quantity", ""), filter_of(parameters)
     with open_catalogue(str(folder)) as catalogue:
-        found = series(catalogue, [quantity])
-        line = drifts(catalogue, [quantity])
+        found = series(catalogue, [quantity], which)
+        line = drifts(catalogue, [quantity], which)
     if not found or not line or not math.isfinite(line[0].slope):
         raise RefusedError(404, words("page.no_trend"))
     return trend_drawing(found[0], line[0], quantity_name(quantity, words), words).svg
