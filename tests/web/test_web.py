@@ -210,7 +210,7 @@ def test_limits_are_judged(site):
     given = {"root": 0, "path": "figure-4.txt", "options": {"tolerance": "example"}}
     panel = file_of(site, finished(site.measure(given)), "panel-en.json").json
     assert panel["headline"]["kind"] in ("conform", "not-conform", "undecided")
-    assert panel["limits"]["rows"]
+    assert panel["limits"]["default"]["rear-axle"]["dms"]["rows"]
 
 
 def test_limits_are_found_by_the_vehicle_model(site):
@@ -223,7 +223,8 @@ def test_limits_are_found_by_the_vehicle_model(site):
     job = site.measure({"root": 0, "path": "capture", **options})
     declared.write_text(before)
     panel = file_of(site, finished(job), "panel-en.json").json
-    assert {row[1] for row in panel["limits"]["rows"]} >= {"RR", "FL", "vehicle"}
+    rows = panel["limits"]["default"]["rear-axle"]["dms"]["rows"]
+    assert {row[1] for row in rows} >= {"RR", "FL", "vehicle"}
 
 
 @pytest.mark.slow
