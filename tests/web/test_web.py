@@ -17,8 +17,10 @@ from tests.support.trees import read_tree
 from tests.support.web_site import PAPER, Site, write_results
 from wheelplane.batch.catalogue.rows import STATUSES
 from wheelplane.batch.run.work import RECOGNISED, VANISHED
-from wheelplane.errors import InputError
+from wheelplane.errors import Doubt, InputError
+from wheelplane.measurement.doubts import COPIED, FLOOR_ABOVE
 from wheelplane.report.format.language import LANGUAGES, load_translations
+from wheelplane.report.format.notes import notes_in
 from wheelplane.web.files.excerpt import failure
 
 BAR = 'stroke="#8aa9c8"'  # of one value in the picture of a trend
@@ -462,6 +464,39 @@ def test_a_drift_is_shown(site, results):
     assert site.get("/api/archive-plot/0/results?quantity=nothing").status_code in (400, 404)
     assert site.get("/api/archive/nothing/0/results").status_code == 404
     assert site.get("/api/archive/overview/0/plain").status_code == 404
+
+
+def test_captures_in_doubt_are_marked_and_those_left_out_are_counted(site, five):
+    """By the filter of the view, in the language of the page, and where numbers leave them out."""
+    tree = file_of(site, five, "measurement.json").json
+    place, note = site.allowed / "doubts", Doubt(COPIED, trial="1", name="RR")
+    doubted = Doubt(FLOOR_ABOVE, height="0.31", names="RR, RL, FR, FL")
+    write_results(place, tree)
+    for path in place.glob("measurements/*/*.json"):
+        changed = json.loads(path.read_text())
+        if changed["capture"] == "2026/car-04":
+            changed["doubts"] = [{"trial": None, "note": doubted}, {"trial": "1", "note": note}]
+            changed["batch"]["reason"] = f"{doubted} {note}"
+            path.write_text(json.dumps(changed))
+    address = "/api/archive/{}/0/doubts?quantity=RR+toe"
+    for language in LANGUAGES:
+        words = load_translations(language)
+        site.client.set_cookie("wheelplane-language", language, domain="127.0.0.1")
+        listed = site.get(address.format("captures")).json
+        marked = [row for row in listed["table"]["rows"] if row[3] != words("page.ok")][:-1]
+        assert [row[0] for row in marked] == ["2026/car-04"]
+        assert marked[0][3] == words("listing.in_doubt", status=words("page.ok"))
+        assert listed["table"]["classes"].count("undecided") == 1
+        said = " ".join(notes_in((doubted, note), words))
+        assert listed["doubts"] == [f"2026/car-04: {said}"]
+        one = site.get(f"{address.format('capture')}&key={listed['keys'][4]}").json
+        assert [words("page.reason"), said] in one["facts"]
+        for question in ("trends", "chart"):
+            of_all = site.get(address.format(question)).json["notice"]
+            assert of_all == words("listing.doubted", count="1")
+            others = site.get(f"{address.format(question)}&vehicle=AA-00").json
+            assert others["notice"] == ""
+    site.client.delete_cookie("wheelplane-language", domain="127.0.0.1")
 
 
 def test_the_picture_of_a_drift_shows_the_captures_of_the_filter(site, results):

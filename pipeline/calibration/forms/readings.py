@@ -102,10 +102,10 @@ def read_texts(path: Path) -> list[tuple[str, ...]]:
     table = read_table(path, REQUIRED, OPTIONAL, faults)
     earlier = _repeated(table)
     for row in table:
-        _note_empty(row, NEEDED_PLACE, faults)
+        _add_empty(row, NEEDED_PLACE, faults)
         if row.number in earlier:
-            _note_repeat(row, earlier[row.number], faults)
-    _note_unlike_units(table, faults)
+            _add_repeat(row, earlier[row.number], faults)
+    _add_unlike_units(table, faults)
     faults.check()
     return [tuple(_written(row.cells.get(column, "")) for column in COLUMNS) for row in table]
 
@@ -120,7 +120,7 @@ def _reading(
 ) -> Reading | None:
     """Return the reading of a row; None where it has a fault. earlier: a row of the same repeat."""
     before = len(faults.found)
-    _note_empty(row, REQUIRED, faults)
+    _add_empty(row, REQUIRED, faults)
     kind, unit = _word(row, "quantity"), _word(row, "unit")
     quantity = QUANTITIES.get(kind)
     if kind and quantity is None:
@@ -149,7 +149,7 @@ def _reading(
         reason = why_not(kind, point, series)
         if reason:
             faults.add(row.number, "point", reason)
-    _note_repeat(row, earlier, faults)
+    _add_repeat(row, earlier, faults)
     state, direction = _word(row, "state"), _word(row, "direction")
     if state and state not in STATES:
         fact = Wording("{value}: write 'as found' or 'as left'", value=repr(state))
@@ -179,15 +179,15 @@ def _word(row: Row, column: str) -> str:
     return word.replace("-", " ").replace("_", " ") if column == "state" else word
 
 
-def _note_empty(row: Row, columns: Sequence[str], faults: Faults) -> None:
+def _add_empty(row: Row, columns: Sequence[str], faults: Faults) -> None:
     empty = [c for c in columns if c not in row.cells and c not in row.unusable]
     if empty:
         fact = Wording("it is empty: fill it in, or delete the row")
         faults.add(row.number, ", ".join(empty), fact)
 
 
-def _note_repeat(row: Row, earlier: int | None, faults: Faults) -> None:
-    """Note a repeat that is no number, or that stands in an earlier row."""
+def _add_repeat(row: Row, earlier: int | None, faults: Faults) -> None:
+    """Add the fault of a repeat that is no number, or that stands in an earlier row."""
     repeat = row.text("repeat")
     if repeat and not (repeat.isdecimal() and int(repeat) > 0):
         fact = Wording("{value}: a whole number from 1 is needed", value=repr(repeat))
@@ -203,8 +203,8 @@ def _note_repeat(row: Row, earlier: int | None, faults: Faults) -> None:
         faults.add(row.number, "repeat", fact)
 
 
-def _note_unlike_units(table: list[Row], faults: Faults) -> None:
-    """Note values in another unit than the first that is stated of their quantity."""
+def _add_unlike_units(table: list[Row], faults: Faults) -> None:
+    """Add the faults of values in another unit than the first that is stated of their quantity."""
     valued = [row for row in table if "value" in row.cells]
     first = {_word(row, "quantity"): row for row in reversed(valued) if row.text("unit")}
     for row in valued:
