@@ -222,14 +222,15 @@ def _earlier(catalogue: Catalogue, row: CaptureRow) -> list[CaptureRow]:
 
 def _changes(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
     """Return what changed from one capture of a vehicle to another."""
-    local, paths = catalogue.store.local, []
+    local, paths, names = catalogue.store.local, [], []
     for key in (parameters.get("key", ""), parameters.get("before", "")):
         row = capture_of(catalogue, key)
         name = _record(catalogue, row) if row else ""
-        if not name or local is None:
+        if not row or not name or local is None:
             raise RefusedError(404, "no such measurement in these results")
         paths.append(local / name)
-    return {"table": changes(paths[0], paths[1], words)}
+        names.append(row.name)
+    return {"table": changes(paths[0], paths[1], names[1], words)}
 
 
 def _chart(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
