@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.made import write_small_capture
+from tests.support.made import read_ply, write_small_capture
 from tests.support.printed import arc_s, says_angle, seconds_of, step
 from tests.support.trees import read_tree
 from tests.support.web_site import PAPER, Site, write_results
@@ -227,6 +227,30 @@ def test_limits_are_found_by_the_vehicle_model(site):
     panel = file_of(site, finished(job), "panel-en.json").json
     rows = panel["limits"]["default"]["rear-axle"]["dms"]["rows"]
     assert {row[1] for row in rows} >= {"RR", "FL", "vehicle"}
+
+
+def test_scans_with_columns_of_their_own_are_read_by_the_names_that_are_given(site, dense):
+    """An index before the coordinates changes no angle, once its column is named."""
+    folder = site.copy(site.allowed / "capture", "indexed")
+    for path in folder.glob("*.ply"):
+        points, _ = read_ply(path)
+        rows = "".join(f"{i} {x:.9f} {y:.9f} {z:.9f}\n" for i, (x, y, z) in enumerate(points))
+        path.with_suffix(".xyz").write_text(rows)
+        path.unlink()
+    declared = folder / "capture.toml"
+    declared.write_text(declared.read_text().replace(".ply", ".xyz"))
+    given = {"root": 0, "path": "indexed"}
+    assert site.measure(given)["state"] == "failed"
+    job = finished(site.measure(given | {"options": {"columns": "-, x, y, z"}}))
+    before, after = (
+        [wheel["toe_deg"] for wheel in file_of(site, one, "measurement.json").json["wheels"]]
+        for one in (dense, job)
+    )
+    assert after == pytest.approx(before, abs=1e-4)
+    for options in ({"columns": "x,y"}, {"pitch": "1"}, {"columns": "x,y,z", "pitch": "1,1"}):
+        answer = site.post("/api/measure", given | {"options": options})
+        assert answer.status_code == 400
+        assert all(name in answer.json["error"] for name in options)
 
 
 @pytest.mark.slow

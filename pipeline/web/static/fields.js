@@ -4,7 +4,7 @@ import { t } from "./base.js";
 const OPTIONS = /--explain DIR|--[a-z]+(?:-[a-z]+)*/g;
 const INSTEAD = {
   "--target": "option_target", "--length-unit": "option_length_unit", "--scanner": "option_scanner",
-  "--tolerance": "option_tolerance", "--front": "option_front", "--vertical": "option_vertical", "--explain DIR": "found_why", "--hint": "found_again",
+  "--tolerance": "option_tolerance", "--front": "option_front", "--columns": "option_columns", "--pitch": "option_pitch", "--vertical": "option_vertical", "--explain DIR": "found_why", "--hint": "found_again",
 };
 const NO_FIELD = /, or --front-point X,Y,Z near the front/g; // the front is chosen in the picture
 
