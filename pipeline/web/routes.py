@@ -132,7 +132,7 @@ def add_jobs(app: Flask, state: PageState) -> None:
     def changed(name: str) -> Response:
         both = [state.jobs.shown(one) for one in (name, request.args.get("before", ""))]
         now, before = (job.folder / RECORD for job in both)
-        return jsonify(table=changes(now, before, load_translations(language())))
+        return jsonify(table=changes(now, before, both[1].name, load_translations(language())))
 
     @app.get("/api/jobs/<name>/report.<kind>")
     def report(name: str, kind: str) -> Response:
@@ -234,7 +234,7 @@ def add_archive(app: Flask, state: PageState) -> None:
     @app.get("/api/archive-plot/<int:root>/<path:relative>")
     def plot(root: int, relative: str = "") -> Response:
         folder = _results(state, root, relative)
-        svg = archive.plot(folder, request.args.get("quantity", ""), load_translations(language()))
+        svg = archive.plot(folder, request.args.to_dict(), load_translations(language()))
         return Response(svg, mimetype="image/svg+xml")
 
     @app.get("/api/archive-certificate/<int:root>/")

@@ -7,7 +7,6 @@ import os
 import signal
 import socket
 import sys
-import tempfile
 import threading
 import webbrowser
 from collections.abc import Callable, Iterator
@@ -17,11 +16,13 @@ from functools import partial
 from html import escape
 from pathlib import Path
 
+from ..batch.storage.scratch import scratch_folder
 from ..errors import InputError
 from .security import ENTRY, Guard, guard_for, in_address
 from .settings import Endpoint, PageSettings
 
 TRIED_PORTS = 20
+SCRATCH = "wheelplane-page-"  # first part of the name of the folder of uploads and results
 OPENING = """<!doctype html>
 <meta charset="utf-8"><meta name="referrer" content="no-referrer">
 <meta http-equiv="refresh" content="0; url={address}">
@@ -47,12 +48,12 @@ def serve(
         if endpoint.socket is None and endpoint.port not in (port, 0):
             notify(f"Port {endpoint.port} is in use; using port {port} instead.")
         guard = guard_for(endpoint.host, port)
-        with tempfile.TemporaryDirectory(prefix="wheelplane-page-") as scratch:
-            app = create_app(replace(settings, scratch=Path(scratch)), guard)
+        with scratch_folder(SCRATCH) as scratch:
+            app = create_app(replace(settings, scratch=scratch), guard)
             state = app.config["state"]
             listener = Listener(app, listening, partial(admit, state), settings.upload_bytes)
             address = address_of(endpoint, guard, start_at)
-            opening = write_opening(Path(scratch), address)
+            opening = write_opening(scratch, address)
             notify(announcement(endpoint, address, opening, sys.stdout.isatty()))
             if browse and endpoint.socket is None:  # arguments are seen by all users of a machine
                 open_it = partial(webbrowser.open, opening.as_uri())

@@ -76,6 +76,21 @@ def test_scratch_of_the_killed_is_cleared_and_that_of_the_living_is_not(tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="files have no owner here")
+def test_scratch_of_another_user_is_left(tmp_path, monkeypatch):
+    """Even by who may open its lock, and that is held by nobody."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    (tmp_path / f"{PREFIX}other").mkdir()
+    (tmp_path / f"{PREFIX}other{LOCK}").touch()
+    monkeypatch.setattr(os, "geteuid", lambda: (tmp_path.stat().st_uid) + 1)
+    with scratch_folder():
+        assert (tmp_path / f"{PREFIX}other").is_dir()
+    monkeypatch.undo()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with scratch_folder():
+        assert not (tmp_path / f"{PREFIX}other").exists()
+
+
 def test_a_folder_is_never_seen_without_its_lock(tmp_path, monkeypatch):
     """Whenever another run looks, it leaves the folder: also before and after it is used."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import html
 import io
 import json
 import math
 import os
+import re
 import signal
 import sqlite3
 import subprocess
@@ -44,7 +46,10 @@ from wheelplane.batch.results.series import Series, series
 from wheelplane.batch.results.sql import ask
 from wheelplane.batch.results.trends import drift, drifts, summarised, summary, with_holm, worst
 from wheelplane.batch.storage.store import open_store
-from wheelplane.errors import InputError, MissingDependencyError
+from wheelplane.errors import Doubt, InputError, MissingDependencyError
+from wheelplane.measurement.doubts import COPIED, FLOOR_ABOVE
+from wheelplane.report.format.language import LANGUAGES, load_translations
+from wheelplane.report.format.notes import notes_in
 
 ROOT = Path(__file__).resolve().parents[2]
 DAYS = [f"2026-{month:02d}-{day:02d}" for month in (9, 10) for day in (1, 6, 11, 16, 21, 26)]
@@ -606,6 +611,38 @@ def test_captures_in_doubt_are_listed_and_left_out_of_statistics(tmp_path):
         assert "1 capture in doubt is left out of statistics" in said
     assert run(tmp_path).stderr == ""
     assert len(json.loads(run(tmp_path, "--json").stdout)["captures"]) == 4
+
+
+DOUBTS = (
+    Doubt(FLOOR_ABOVE, height="0.31", names="RR, RL, FR, FL"),
+    Doubt(COPIED, trial="1", name="RR"),
+)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_report_says_which_captures_are_in_doubt_and_how_many_statistics_leave_out(
+    tmp_path, language
+):
+    """In the report's language: both notes that were joined, and the same count in each list."""
+    trees = [result(name, vehicle=f"car {name}") for name in ("a", "b", "c")]
+    trees[1]["doubts"] = [{"trial": None, "note": DOUBTS[0]}, {"trial": "1", "note": DOUBTS[1]}]
+    trees[1]["batch"]["reason"] = " ".join(DOUBTS)
+    add(open_store(str(tmp_path / "results")), *trees)
+    words = load_translations(language)
+    left_out = words("listing.doubted", count="1")
+    marked = words("listing.in_doubt", status=words("page.ok"))
+
+    def report(*lists: str) -> str:
+        shown = tmp_path / "report.html"
+        run(tmp_path / "results", *lists, "--html", shown, "--language", language)
+        return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", shown.read_text())).split())
+
+    usual = report()
+    assert f"b: {' '.join(notes_in(DOUBTS, words))}" in usual
+    assert (language == "en") == (DOUBTS[0] in usual)
+    assert (usual.count(marked), usual.count(left_out)) == (1, 2)  # of statistics, and of drift
+    assert report("--worst", "3").count(left_out) == 1
+    assert report("--summary", "--vehicle", "car a").count(left_out) == 0
 
 
 def test_csv_is_printed_as_it_is_written(results, tmp_path):

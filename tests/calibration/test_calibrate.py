@@ -279,8 +279,8 @@ def test_unfinished_readings_have_the_faults_and_finished_ones_the_results_of_th
 def test_a_table_of_readings_is_read_as_it_would_be_typed(tmp_path):
     book = openpyxl.Workbook()
     book.active.append(["point", "quantity", "value", "unit", "series", "repeat", "state"])
-    for value in (1e-7, 2.0, 0.1234567890123, -1234567.5, "12,5"):
-        book.active.append([1, "toe", value, "min", 1, 1, "as found"])
+    for repeat, value in enumerate((1e-7, 2.0, 0.1234567890123, -1234567.5, "12,5"), 1):
+        book.active.append([1, "toe", value, "min", 1, repeat, "as found"])
     book.save(tmp_path / "r.xlsx")
     rows = read_texts(tmp_path / "r.xlsx")
     written = ["0.0000001", "2", "0.1234567890123", "-1234567.5", "12,5"]

@@ -24,6 +24,7 @@ from wheelplane.calibration.forms.readings import (
     DIRECTIONS,
     decimal_number,
     read_readings,
+    read_texts,
 )
 from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.errors import InputError, Wording
@@ -73,6 +74,40 @@ def test_a_value_is_read_in_its_unit(tmp_path, value, unit, angle_rad):
     assert one.value == pytest.approx(angle_rad, rel=1e-12)
     assert (one.point, one.quantity, one.series, one.repeat, one.row) == ("RR", "toe", "1", 1, 2)
     assert (one.state, one.direction) == ("as found", "")
+
+
+def test_a_form_refuses_repeats_in_the_words_of_the_calibration(tmp_path):
+    """Two rows of one repeat, however its words are written, are one fault in both."""
+    rows = ["RR,toe,1,min,1,1,as found,", "RR,toe,2,min,1,2,as found,",
+            "RR,Toe,3,min,1,1,As-Found,", "RR,toe,4,min,1,2,as_found,"]  # fmt: skip
+    found = faults(tmp_path, HEAD + "\n".join(rows))
+    assert [(one.row, one.column) for one in found] == [(4, "repeat"), (5, "repeat")]
+    with pytest.raises(FaultyTableError) as error:
+        read_texts(tmp_path / "r.csv")
+    assert error.value.faults == found
+    (tmp_path / "r.csv").write_text(HEAD + "\n".join(rows[:2]))
+    assert len(read_texts(tmp_path / "r.csv")) == 2
+
+
+def test_a_form_refuses_a_quantity_in_two_units_and_a_row_without_a_place(tmp_path):
+    """Each would be lost in a form, where a calibration takes the units as they are."""
+    rows = ["RR,toe,,,1,9,as found,", "RR,toe,15,min,1,1,as found,", "1,toe,0.25,deg,1,1,as found,",
+            "RR,toe,1,,1,2,as found,", "RR,camber,1,deg,1,1,as found,",
+            "RR,camber,1,deg,,2,as found,"]  # fmt: skip
+    path = tmp_path / "r.csv"
+    path.write_text(HEAD + "\n".join(rows))
+    with pytest.raises(FaultyTableError) as error:
+        read_texts(path)
+    assert error.value.faults == (
+        "r.csv: row 7, column series: it is empty: fill it in, or delete the row",
+        "r.csv: row 4, column unit: 'deg', but toe is in 'min' in row 3: write all of its "
+        "readings in one unit",
+        "r.csv: row 5, column unit: '', but toe is in 'min' in row 3: write all of its "
+        "readings in one unit",
+    )
+    assert len(read(tmp_path, HEAD + "\n".join(rows[1:3])).rows) == 2
+    path.write_text(HEAD + "\n".join([*rows[:2], rows[4]]))
+    assert len(read_texts(path)) == 3
 
 
 def test_all_faults_of_a_file_are_named_at_once_with_row_and_column(tmp_path):

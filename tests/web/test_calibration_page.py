@@ -143,6 +143,26 @@ def test_the_faults_of_a_table_name_it(site, job):
     assert str(site.allowed.parent) not in found.json["error"]
 
 
+def test_a_table_whose_rows_the_page_cannot_hold_is_refused_as_by_the_command(site, job, table):
+    lines = table.splitlines()
+    twice = "\n".join([*lines, lines[5]])
+    found = site.put(f"/api/jobs/{job}/readings/r.csv", twice.encode())
+    assert found.status_code == 400
+    (site.allowed / "r.csv").write_text(twice)
+    (site.allowed / "item.toml").write_text(ITEM)
+    printed = by_command(site, "--item", "item.toml", "--readings", "r.csv").stderr.decode()
+    assert found.json["error"].startswith(f"r.csv: row {len(lines) + 1}, column repeat: ")
+    assert found.json["error"] in printed
+    units = "\n".join([*lines[:3], lines[3].replace(",min,", ",deg,"), *lines[4:]])
+    found = site.put(f"/api/jobs/{job}/readings/r.csv", units.encode())
+    assert found.status_code == 400
+    assert found.json["error"].startswith("r.csv: row 4, column unit: 'deg', but toe is in 'min'")
+    site.client.set_cookie("wheelplane-language", "pt", domain="127.0.0.1")
+    found = site.put(f"/api/jobs/{job}/readings/r.csv", units.encode()).json["error"]
+    site.client.delete_cookie("wheelplane-language", domain="127.0.0.1")
+    assert "linha 4, coluna unit: 'deg', mas " in found
+
+
 # Growing
 
 

@@ -225,6 +225,20 @@ def test_a_failure_names_the_field_of_the_page_and_opens_it(visit):
     visit.check_with_axe()
 
 
+@pytest.mark.parametrize("visit", [{"locale": "pt-PT"}], indirect=True)
+def test_an_english_failure_has_no_field_of_another_language_in_it(visit):
+    """A sentence in the language of the page names the fields, after that of the program."""
+    page = visit.open()
+    page.wait_for_selector("#browser .items")
+    page.locator("#browser button", has_text="whole.ply").click()
+    page.wait_for_selector("#retry")
+    sentence, _, fields = page.locator("#trouble p").first.inner_text().partition(" Nesta página, ")
+    assert "add --target" in sentence
+    assert "“" not in sentence
+    assert "--target: “Alvo”" in fields
+    assert page.evaluate("document.activeElement.name") == "target"
+
+
 def test_a_result_is_at_its_address_after_a_reload(visit):
     visit.open()
     page = visit.measure("car")

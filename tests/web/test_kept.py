@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import pickle
 import shutil
@@ -79,6 +80,54 @@ def test_many_results_are_all_kept(tmp_path):
     assert len(site.get("/api/jobs").json["jobs"]) == 3
     site.close()
     assert len(list(results.glob("*/result.json"))) == 3
+
+
+def vehicles(site, tmp_path):
+    """Ids of the same five points measured twice as one vehicle, and once as another; opened."""
+    site.copy(PAPER, "figure-4.txt")
+    measured = site.measure({"root": 0, "path": "figure-4.txt"})
+    tree = site.get(f"/api/jobs/{measured['id']}/measurement.json").json
+    found = []
+    for name, vehicle in (("before.json", "AA-01"), ("now.json", "AA-01"), ("other.json", "BB-02")):
+        changed = tree | {"capture": name, "vehicle_name": vehicle, "added_by_hand": 1}
+        (site.allowed / name).write_text(json.dumps(changed))
+        found.append(site.measure({"root": 0, "path": name})["id"])
+    return found
+
+
+def test_the_number_of_a_report_is_that_of_the_measurement_that_is_downloaded(tmp_path):
+    """In every view, of a new and of an opened measurement, alone and with an earlier one."""
+    site = Site(tmp_path)
+    before, now, _ = vehicles(site, tmp_path)
+    first = site.get("/api/jobs").json["jobs"][0]["id"]
+    numbers = set()
+    for job, view in (
+        (first, ""),
+        (now, ""),
+        (now, "?axis=thrust-line"),
+        (now, f"?before={before}"),
+    ):
+        record = site.get(f"/api/jobs/{job}/report.json{view}").data
+        page = site.get(f"/api/jobs/{job}/report.html{view}").text
+        numbers.add(hashlib.sha256(record).hexdigest()[:12])
+        assert hashlib.sha256(record).hexdigest()[:12] in page
+    assert len(numbers) == 4
+    site.close()
+
+
+def test_an_earlier_measurement_is_named_as_on_the_page_and_refused_of_another_vehicle(tmp_path):
+    site = Site(tmp_path)
+    before, now, other = vehicles(site, tmp_path)
+    for address in ("changes", "report.html", "report.txt", "report.json"):
+        assert site.get(f"/api/jobs/{now}/{address}?before={before}").status_code == 200
+        answer = site.get(f"/api/jobs/{now}/{address}?before={other}")
+        assert answer.status_code == 400
+        assert answer.json["error"].startswith("other.json: is of the vehicle 'BB-02', ")
+        assert str(tmp_path) not in answer.json["error"]
+    shown = site.get(f"/api/jobs/{now}/report.json?before={before}").text
+    assert json.loads(shown)["before"]["file"] == "before.json"
+    assert str(tmp_path) not in shown
+    site.close()
 
 
 @pytest.mark.parametrize("path", ["m.json", "stored"])

@@ -106,6 +106,32 @@ def test_a_machine_is_stated_and_read_by_keyboard_alone(visit, folder):
     visit.check_with_axe()
 
 
+def test_a_table_that_would_lose_readings_is_refused_and_a_later_one_resets_the_form(visit, folder):
+    """Repeats and directions of the form are those of the last table that was loaded."""
+    page = loaded(visit, folder)
+    lines = (folder / "readings.csv").read_text().splitlines()
+    assert page.locator("#machine input[name=directions]").is_checked()
+    (folder / "twice.csv").write_text("\n".join([*lines, lines[5]]))
+    visit.refusal = 400
+    page.set_input_files("#machine input[accept='.csv,.xlsx']", str(folder / "twice.csv"))
+    until(page, "document.querySelector('.faults').innerText.includes('already: number each')")
+    assert f"twice.csv: row {len(lines) + 1}, column repeat" in page.locator(".faults").inner_text()
+    assert page.locator(".found .verdict").count() == 12  # those before stay
+    head = lines[0].split(",")
+    repeat, direction = head.index("repeat"), head.index("direction")
+    rows = [line.split(",") for line in lines[1:] if line.split(",")[direction] == "up"]
+    more = [[*rows[0][:repeat], "7", *rows[0][repeat + 1 :]]]
+    plain = [[*row[:direction], "", *row[direction + 1 :]] for row in rows]
+    for name, table in (("more.csv", rows + more), ("plain.csv", plain)):
+        (folder / name).write_text("\n".join(map(",".join, [head, *table])))
+    page.set_input_files("#machine input[accept='.csv,.xlsx']", str(folder / "more.csv"))
+    until(page, "document.querySelector('#machine input[name=repeats]').value === '7'")
+    assert page.locator("#machine input[name=directions]").is_checked()
+    page.set_input_files("#machine input[accept='.csv,.xlsx']", str(folder / "plain.csv"))
+    until(page, "document.querySelector('#machine input[name=repeats]').value === '3'")
+    assert not page.locator("#machine input[name=directions]").is_checked()
+
+
 def test_readings_are_loaded_corrected_and_saved(visit, folder):
     page = loaded(visit, folder)
     assert page.locator(".found .verdict").count() == 12  # toe and camber of 6 targets

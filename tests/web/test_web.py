@@ -11,16 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.made import write_small_capture
+from tests.support.made import read_ply, write_small_capture
 from tests.support.printed import arc_s, says_angle, seconds_of, step
 from tests.support.trees import read_tree
 from tests.support.web_site import PAPER, Site, write_results
 from wheelplane.batch.catalogue.rows import STATUSES
 from wheelplane.batch.run.work import RECOGNISED, VANISHED
-from wheelplane.errors import InputError
+from wheelplane.errors import Doubt, InputError
+from wheelplane.measurement.doubts import COPIED, FLOOR_ABOVE
 from wheelplane.report.format.language import LANGUAGES, load_translations
+from wheelplane.report.format.notes import notes_in
 from wheelplane.web.files.excerpt import failure
 
+BAR = 'stroke="#8aa9c8"'  # of one value in the picture of a trend
 WEB = Path(__file__).resolve().parents[2] / "pipeline" / "web"
 
 
@@ -209,7 +212,7 @@ def test_limits_are_judged(site):
     given = {"root": 0, "path": "figure-4.txt", "options": {"tolerance": "example"}}
     panel = file_of(site, finished(site.measure(given)), "panel-en.json").json
     assert panel["headline"]["kind"] in ("conform", "not-conform", "undecided")
-    assert panel["limits"]["rows"]
+    assert panel["limits"]["default"]["rear-axle"]["dms"]["rows"]
 
 
 def test_limits_are_found_by_the_vehicle_model(site):
@@ -222,7 +225,32 @@ def test_limits_are_found_by_the_vehicle_model(site):
     job = site.measure({"root": 0, "path": "capture", **options})
     declared.write_text(before)
     panel = file_of(site, finished(job), "panel-en.json").json
-    assert {row[1] for row in panel["limits"]["rows"]} >= {"RR", "FL", "vehicle"}
+    rows = panel["limits"]["default"]["rear-axle"]["dms"]["rows"]
+    assert {row[1] for row in rows} >= {"RR", "FL", "vehicle"}
+
+
+def test_scans_with_columns_of_their_own_are_read_by_the_names_that_are_given(site, dense):
+    """An index before the coordinates changes no angle, once its column is named."""
+    folder = site.copy(site.allowed / "capture", "indexed")
+    for path in folder.glob("*.ply"):
+        points, _ = read_ply(path)
+        rows = "".join(f"{i} {x:.9f} {y:.9f} {z:.9f}\n" for i, (x, y, z) in enumerate(points))
+        path.with_suffix(".xyz").write_text(rows)
+        path.unlink()
+    declared = folder / "capture.toml"
+    declared.write_text(declared.read_text().replace(".ply", ".xyz"))
+    given = {"root": 0, "path": "indexed"}
+    assert site.measure(given)["state"] == "failed"
+    job = finished(site.measure(given | {"options": {"columns": "-, x, y, z"}}))
+    before, after = (
+        [wheel["toe_deg"] for wheel in file_of(site, one, "measurement.json").json["wheels"]]
+        for one in (dense, job)
+    )
+    assert after == pytest.approx(before, abs=1e-4)
+    for options in ({"columns": "x,y"}, {"pitch": "1"}, {"columns": "x,y,z", "pitch": "1,1"}):
+        answer = site.post("/api/measure", given | {"options": options})
+        assert answer.status_code == 400
+        assert all(name in answer.json["error"] for name in options)
 
 
 @pytest.mark.slow
@@ -460,6 +488,64 @@ def test_a_drift_is_shown(site, results):
     assert site.get("/api/archive-plot/0/results?quantity=nothing").status_code in (400, 404)
     assert site.get("/api/archive/nothing/0/results").status_code == 404
     assert site.get("/api/archive/overview/0/plain").status_code == 404
+
+
+def test_captures_in_doubt_are_marked_and_those_left_out_are_counted(site, five):
+    """By the filter of the view, in the language of the page, and where numbers leave them out."""
+    tree = file_of(site, five, "measurement.json").json
+    place, note = site.allowed / "doubts", Doubt(COPIED, trial="1", name="RR")
+    doubted = Doubt(FLOOR_ABOVE, height="0.31", names="RR, RL, FR, FL")
+    write_results(place, tree)
+    for path in place.glob("measurements/*/*.json"):
+        changed = json.loads(path.read_text())
+        if changed["capture"] == "2026/car-04":
+            changed["doubts"] = [{"trial": None, "note": doubted}, {"trial": "1", "note": note}]
+            changed["batch"]["reason"] = f"{doubted} {note}"
+            path.write_text(json.dumps(changed))
+    address = "/api/archive/{}/0/doubts?quantity=RR+toe"
+    for language in LANGUAGES:
+        words = load_translations(language)
+        site.client.set_cookie("wheelplane-language", language, domain="127.0.0.1")
+        listed = site.get(address.format("captures")).json
+        marked = [row for row in listed["table"]["rows"] if row[3] != words("page.ok")][:-1]
+        assert [row[0] for row in marked] == ["2026/car-04"]
+        assert marked[0][3] == words("listing.in_doubt", status=words("page.ok"))
+        assert listed["table"]["classes"].count("undecided") == 1
+        said = " ".join(notes_in((doubted, note), words))
+        assert listed["doubts"] == [f"2026/car-04: {said}"]
+        one = site.get(f"{address.format('capture')}&key={listed['keys'][4]}").json
+        assert [words("page.reason"), said] in one["facts"]
+        for question in ("trends", "chart"):
+            of_all = site.get(address.format(question)).json["notice"]
+            assert of_all == words("listing.doubted", count="1")
+            others = site.get(f"{address.format(question)}&vehicle=AA-00").json
+            assert others["notice"] == ""
+    site.client.delete_cookie("wheelplane-language", domain="127.0.0.1")
+
+
+def test_the_picture_of_a_drift_shows_the_captures_of_the_filter(site, results):
+    """As many bars as the table of the same filter counts values, each vehicle its own."""
+    asked = "/{}/0/results?quantity=RR+toe&{}"
+    drawn = {}
+    for which in ("", "vehicle=AA-00", "vehicle=AA-01", "text=car-0", "status=ok"):
+        trends = site.get("/api" + asked.format("archive/trends", which)).json
+        row = trends["table"]["rows"][trends["quantities"].index("RR toe")]
+        drawn[which] = site.get("/api" + asked.format("archive-plot", which)).text
+        assert drawn[which].count(BAR) == int(row[trends["table"]["head"].index("n")])
+    assert drawn[""] == drawn["status=ok"]
+    assert len(set(drawn.values())) == len(drawn) - 1
+    assert site.get("/api" + asked.format("archive-plot", "vehicle=other")).status_code == 404
+
+
+@pytest.mark.parametrize("question", ["captures", "failures", "trends", "chart"])
+def test_a_filter_of_an_unknown_kind_is_refused(site, results, question):
+    address = f"/api/archive/{question}/0/results?quantity=RR+toe"
+    assert site.get(f"{address}&status=&vertical=").status_code == 200
+    for name, known in (("status", "quarantined"), ("vertical", "gravity")):
+        answer = site.get(f"{address}&{name}=foo")
+        assert answer.status_code == 400
+        assert f"{name}: 'foo' is not one of" in answer.json["error"]
+        assert known in answer.json["error"]
 
 
 def test_results_behind_a_link_to_elsewhere_are_refused(site, results, tmp_path):

@@ -132,12 +132,18 @@ def test_load_look_and_save(visit, folder):
     )
     visit.check_with_axe()
 
+    label = page.locator("button.w3d-label").first  # of RR, in the picture
+    assert "'" in label.text_content()
     page.select_option("select[name=style]", "deg")
     assert page.locator("table.angles tbody tr").nth(0).inner_text().count("°") == 7
+    in_degrees = label.text_content()
+    assert in_degrees.startswith("RR")
+    assert (in_degrees.count("°"), "'" in in_degrees) == (2, False)
     axis = page.locator("select[name=axis]")
     page.select_option("select[name=convention]", "iso-8855")
     assert axis.input_value() == "centreline"
     page.select_option("select[name=axis]", "thrust-line")
+    assert label.text_content() != in_degrees
     page.select_option("select[name=convention]", "german-workshop")
     assert axis.input_value() == "thrust-line"
     assert "Fahrachswinkel" in page.locator("#result").inner_text()

@@ -92,6 +92,23 @@ def admitted(said: str) -> dict[str, str]:
     return {"Cookie": cookie, "X_Wheelplane_Key": key}
 
 
+def test_what_a_killed_page_left_is_removed_by_the_next_one_and_nothing_else(tmp_path):
+    """The folder of a page that still runs stays, and so does what has no lock of a page."""
+    (tmp_path / "tmp" / "wheelplane-page-notes").mkdir(parents=True)
+    with started(tmp_path, "--port", "0") as (_, said):
+        running = opening_in(said).parent
+        with started(tmp_path, "--port", "0") as (killed, said):
+            left = opening_in(said).parent
+            (left / "upload").write_bytes(b"scan")
+            killed.send_signal(signal.SIGKILL)
+            killed.wait()
+        assert left.is_dir()
+        with started(tmp_path, "--port", "0") as (_, said):
+            third = opening_in(said).parent
+            folders = {path for path in (tmp_path / "tmp").iterdir() if path.is_dir()}
+            assert folders == {running, third, tmp_path / "tmp" / "wheelplane-page-notes"}
+
+
 def test_it_serves_this_machine_and_ends_cleanly_on_ctrl_c(tmp_path):
     (tmp_path / "figure-4.txt").write_bytes(PAPER.read_bytes())
     with started(tmp_path, "--port", "0") as (process, said):

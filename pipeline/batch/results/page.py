@@ -12,11 +12,14 @@ from ...report.format.writer import NONE, Column, Columns, Table, Writer
 from ...report.html.document import Document, Part, Section
 from ...report.html.results import Headline
 from ..catalogue.catalogue import Catalogue
-from ..catalogue.rows import FAILED
 from .listing import angles_of
 from .query import REFERENCE_ANGLES, Filter, by_status, captures, failures
 from .series import series
 from .tables import (
+    capture_class,
+    capture_status,
+    doubted_note,
+    doubts_listed,
     drift_table,
     expanded,
     failures_table,
@@ -72,23 +75,25 @@ def _record(catalogue: Catalogue, chosen: Selection) -> str:
 
 def _section(catalogue: Catalogue, chosen: Selection, name: str, writer: Writer) -> Section:
     words, which, quantities = writer.words, chosen.which, chosen.quantities
-    signs = words("listing.all_signs")
+    signs, doubts = words("listing.all_signs"), doubted_note(catalogue, which, words)
     if name == "list":
         return _captures(catalogue, chosen, writer)
     if name == "summary":
         table = summary_table(summary(catalogue, quantities, which), writer)
-        return Section(name, table.caption, [table, signs, words("listing.summary_note")])
+        return Section(name, table.caption, [table, signs, words("listing.summary_note"), *doubts])
     if name == "drift":
-        return _drifts(catalogue, chosen, writer)
+        return _drifts(catalogue, chosen, doubts, writer)
     if name == "worst":
         table = worst_table(worst(catalogue, chosen.worst, quantities, which), writer)
         note = f"{signs} {words('listing.k1')}. {words('listing.worst_note')}"
-        return Section(name, table.caption, [table, note])
+        return Section(name, table.caption, [table, note, *doubts])
     table = failures_table(failures(catalogue, which), writer)
     return Section(name, table.caption, [table])
 
 
-def _drifts(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Section:
+def _drifts(
+    catalogue: Catalogue, chosen: Selection, doubts: Sequence[str], writer: Writer
+) -> Section:
     words = writer.words
     found = drifts(catalogue, chosen.quantities, chosen.which)
     table = drift_table(found, writer)
@@ -100,7 +105,7 @@ def _drifts(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Section:
         for one, line in zip(drawn, marked, strict=True)
     ]
     parts: list[Part] = [
-        table, words("listing.all_signs"), words("listing.drift_note"), *pictures,
+        table, words("listing.all_signs"), words("listing.drift_note"), *doubts, *pictures,
     ]  # fmt: skip
     return Section("drift", table.caption, parts)
 
@@ -115,14 +120,13 @@ def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Sectio
         found = angles.get(row.key, {})
         known = [u for _, u in found.values() if u is not None]
         cells.append([
-            printable(row.name or row.key), row.date or writer.none, words(f"page.{row.status}"),
+            printable(row.name or row.key), row.date or writer.none, capture_status(row, words),
             f"{row.wheels_ok}/{row.wheels}",
             *(value(found[name][0], "deg", writer, expanded(found[name][1]))
               if name in found else writer.none for name in REFERENCE_ANGLES),
             width(max(known, default=math.nan), "deg", writer),
         ])  # fmt: skip
-        measured = "undecided" if row.reason else ""
-        classes.append({"ok": measured, "part": "undecided"}.get(row.status, "not-conform"))
+        classes.append(capture_class(row))
     heads = [f"{writer.wheel(wheel)} {writer.quantity(kind)}" for wheel, kind in
              (name.split() for name in REFERENCE_ANGLES)]  # fmt: skip
     columns: Columns = (
@@ -132,11 +136,7 @@ def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Sectio
     table: Table = writer.table(columns, cells, 3, words("listing.captures"), classes)
     total = sum(by_status(catalogue, chosen.which).values())
     parts: list[Part] = [table, f"{words('listing.signs')} {words('listing.captures_note')}"]
-    parts += [
-        f"{printable(row.name or row.key)}: {printable(row.reason)}"
-        for row in rows
-        if row.reason and row.status not in FAILED
-    ]
+    parts += doubts_listed(rows, words)
     if total > len(rows):
         parts.append(words("listing.some", shown=words.count(len(rows)), total=words.count(total)))
     return Section("captures", table.caption, parts)

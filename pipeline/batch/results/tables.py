@@ -9,8 +9,12 @@ from datetime import UTC, datetime, timedelta
 from ...errors import printable
 from ...measurement import Estimate
 from ...report.format.digits import UNKNOWN
+from ...report.format.language import Translations
+from ...report.format.notes import joined_notes_in
 from ...report.format.writer import Column, Table, Writer
-from .query import FailureGroup
+from ..catalogue.catalogue import Catalogue
+from ..catalogue.rows import FAILED, CaptureRow
+from .query import FailureGroup, Filter, doubted
 from .trends import MONTH_DAYS, Drift, Outlier, Summary
 
 REASONS = {"fewer than three dated values": "few_values", "all on one date": "one_date"}
@@ -79,6 +83,34 @@ def worst_table(found: Sequence[Outlier], writer: Writer) -> Table:
     return writer.table(head, rows, 3, words("listing.worst"))
 
 
+def capture_status(row: CaptureRow, words: Translations) -> str:
+    """Return the status of a capture in words, and whether it is in doubt."""
+    status = words(f"page.{row.status}")
+    return words("listing.in_doubt", status=status) if row.doubted else status
+
+
+def capture_class(row: CaptureRow) -> str:
+    """Return the class of a capture's row in a table."""
+    if row.status not in ("ok", "part"):
+        return "not-conform"
+    return "undecided" if row.reason or row.status == "part" else ""
+
+
+def doubts_listed(rows: Sequence[CaptureRow], words: Translations) -> list[str]:
+    """Return a line for each capture that was measured, and why it is in doubt."""
+    return [
+        f"{printable(row.name or row.key)}: {printable(joined_notes_in(row.reason, words))}"
+        for row in rows
+        if row.reason and row.status not in FAILED
+    ]
+
+
+def doubted_note(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:
+    """Return how many captures statistics leave out as they are in doubt; nothing of none."""
+    found = doubted(catalogue, which)
+    return [words("listing.doubted", count=words.count(found))] if found else []
+
+
 def failures_table(found: Sequence[FailureGroup], writer: Writer) -> Table:
     """Return the groups of failures, the most frequent first."""
     words = writer.words
@@ -86,7 +118,7 @@ def failures_table(found: Sequence[FailureGroup], writer: Writer) -> Table:
             ("count", "status", "stage", "reason", "examples")]  # fmt: skip
     rows = [
         [words.count(group.count), words(f"page.{group.status}"), group.stage or writer.none,
-         printable(group.reason), ", ".join(map(printable, group.examples))]
+         printable(joined_notes_in(group.reason, words)), ", ".join(map(printable, group.examples))]
         for group in found
     ]  # fmt: skip
     return writer.table(head, rows, 5, words("listing.failures"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -25,6 +25,8 @@ REQUIRED = ("point", "quantity", "value", "unit", "series", "repeat", "state")
 OPTIONAL = ("direction", "operator", "note")
 COLUMNS = (*REQUIRED, *OPTIONAL)
 AS_WRITTEN = ("point", "series", "operator")  # small and capital letters count
+PLACE = ("state", "quantity", "point", "series", "operator", "direction", "repeat")
+NEEDED_PLACE = tuple(name for name in PLACE if name in REQUIRED)
 # Why a point of a quantity has no reference value; "" where it has one.
 WhyNot = Callable[[str, str, str], str]
 
@@ -92,10 +94,18 @@ def sound_readings(path: Path, item: Item, why_not: WhyNot, faults: Faults) -> R
 def read_texts(path: Path) -> list[tuple[str, ...]]:
     """Read a table of readings as texts in the order of COLUMNS, whatever their values.
 
-    Raises FaultyTableError for a heading or cells that cannot be used, InputError for no table.
+    They are for a form that has one field of each repeat and one unit of each quantity. Raises
+    FaultyTableError for a heading or cells that cannot be used, and for rows that such a form
+    cannot hold; InputError for no table.
     """
     faults = Faults(path.name)
     table = read_table(path, REQUIRED, OPTIONAL, faults)
+    earlier = _repeated(table)
+    for row in table:
+        _add_empty(row, NEEDED_PLACE, faults)
+        if row.number in earlier:
+            _add_repeat(row, earlier[row.number], faults)
+    _add_unlike_units(table, faults)
     faults.check()
     return [tuple(_written(row.cells.get(column, "")) for column in COLUMNS) for row in table]
 
@@ -110,10 +120,7 @@ def _reading(
 ) -> Reading | None:
     """Return the reading of a row; None where it has a fault. earlier: a row of the same repeat."""
     before = len(faults.found)
-    empty = [c for c in REQUIRED if c not in row.cells and c not in row.unusable]
-    if empty:
-        fact = Wording("it is empty: fill it in, or delete the row")
-        faults.add(row.number, ", ".join(empty), fact)
+    _add_empty(row, REQUIRED, faults)
     kind, unit = _word(row, "quantity"), _word(row, "unit")
     quantity = QUANTITIES.get(kind)
     if kind and quantity is None:
@@ -142,23 +149,8 @@ def _reading(
         reason = why_not(kind, point, series)
         if reason:
             faults.add(row.number, "point", reason)
-    repeat = row.text("repeat")
-    if repeat and not (repeat.isdecimal() and int(repeat) > 0):
-        fact = Wording("{value}: a whole number from 1 is needed", value=repr(repeat))
-        faults.add(row.number, "repeat", fact)
-    elif earlier is not None:
-        fact = Wording(
-            "{repeat} of {kind} at {point} stands in row {row} already: number each repeat once",
-            repeat=repeat,
-            kind=kind,
-            point=point,
-            row=earlier,
-        )
-        faults.add(row.number, "repeat", fact)
-    state, direction = (
-        _word(row, "state").replace("-", " ").replace("_", " "),
-        _word(row, "direction"),
-    )
+    _add_repeat(row, earlier, faults)
+    state, direction = _word(row, "state"), _word(row, "direction")
     if state and state not in STATES:
         fact = Wording("{value}: write 'as found' or 'as left'", value=repr(state))
         faults.add(row.number, "state", fact)
@@ -173,7 +165,7 @@ def _reading(
         value=value,
         unit=unit,
         series=series,
-        repeat=int(repeat),
+        repeat=int(row.text("repeat")),
         direction=direction,
         state="as found" if state == "as found" else "as left",
         operator=row.text("operator"),
@@ -182,7 +174,52 @@ def _reading(
 
 
 def _word(row: Row, column: str) -> str:
-    return row.text(column).casefold()
+    """Return a word of a row in the one way in which it is compared."""
+    word = row.text(column).casefold()
+    return word.replace("-", " ").replace("_", " ") if column == "state" else word
+
+
+def _add_empty(row: Row, columns: Sequence[str], faults: Faults) -> None:
+    empty = [c for c in columns if c not in row.cells and c not in row.unusable]
+    if empty:
+        fact = Wording("it is empty: fill it in, or delete the row")
+        faults.add(row.number, ", ".join(empty), fact)
+
+
+def _add_repeat(row: Row, earlier: int | None, faults: Faults) -> None:
+    """Add the fault of a repeat that is no number, or that stands in an earlier row."""
+    repeat = row.text("repeat")
+    if repeat and not (repeat.isdecimal() and int(repeat) > 0):
+        fact = Wording("{value}: a whole number from 1 is needed", value=repr(repeat))
+        faults.add(row.number, "repeat", fact)
+    elif earlier is not None:
+        fact = Wording(
+            "{repeat} of {kind} at {point} stands in row {row} already: number each repeat once",
+            repeat=repeat,
+            kind=_word(row, "quantity"),
+            point=row.text("point"),
+            row=earlier,
+        )
+        faults.add(row.number, "repeat", fact)
+
+
+def _add_unlike_units(table: list[Row], faults: Faults) -> None:
+    """Add the faults of values in another unit than the first that is stated of their quantity."""
+    valued = [row for row in table if "value" in row.cells]
+    first = {_word(row, "quantity"): row for row in reversed(valued) if row.text("unit")}
+    for row in valued:
+        kind, unit = _word(row, "quantity"), _word(row, "unit")
+        known = first.get(kind, row)
+        if unit == _word(known, "unit"):
+            continue
+        fact = Wording(
+            "{unit}, but {kind} is in {other} in row {row}: write all of its readings in one unit",
+            unit=repr(unit),
+            kind=kind,
+            other=repr(_word(known, "unit")),
+            row=known.number,
+        )
+        faults.add(row.number, "unit", fact)
 
 
 def _value(row: Row, unit: str, quantity: MachineQuantity, item: Item, faults: Faults) -> float:
@@ -259,11 +296,9 @@ def _repeated(table: list[Row]) -> dict[int, int]:
     first: dict[tuple[str, ...], int] = {}
     found = {}
     for row in table:
-        names = ("state", "quantity", "point", "series", "operator", "direction", "repeat")
-        needed = [name for name in names if name in REQUIRED]
-        if not all(row.text(name) for name in needed):
+        if not all(row.text(name) for name in NEEDED_PLACE):
             continue
-        key = tuple(row.text(name) if name in AS_WRITTEN else _word(row, name) for name in names)
+        key = tuple(row.text(name) if name in AS_WRITTEN else _word(row, name) for name in PLACE)
         if key in first:
             found[row.number] = first[key]
         first.setdefault(key, row.number)

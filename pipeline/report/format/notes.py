@@ -10,11 +10,23 @@ from ...errors import Wording
 from .language import Translations, load_translations
 
 PLACE = re.compile(r"\\{(\w+)\\}")
+SENTENCE_END = re.compile(r"(?<=\.) ")
 
 
 def notes_in(notes: Iterable[str], words: Translations) -> tuple[str, ...]:
     """Return notes in a language; each as it stands where it has no words there."""
     return tuple(_said(note, words) for note in notes)
+
+
+def joined_notes_in(text: str, words: Translations) -> str:
+    """Return notes that were joined to one text in a language, as `notes_in` each of them."""
+    pieces, notes = SENTENCE_END.split(text), []
+    while pieces:
+        tried = (" ".join(pieces[:count]) for count in range(1, len(pieces) + 1))
+        note = next((one for one in tried if _found(one)[0]), pieces[0])
+        notes.append(note)
+        del pieces[: len(SENTENCE_END.split(note))]
+    return " ".join(notes_in(notes, words))
 
 
 def _said(text: object, words: Translations) -> str:

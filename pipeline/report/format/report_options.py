@@ -12,9 +12,13 @@ from .view import View
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """How a report looks: its language, who issues it, the view of the angles, what was before."""
+    """How a report looks: its language, who issues it, the view of the angles, what was before.
+
+    record: the measurement.json that lies beside it and numbers it; "" where it is written with it.
+    """
 
     words: Translations
     view: View
     laboratory: Laboratory = NOBODY
     before: Earlier | None = None
+    record: str = ""

@@ -56,8 +56,8 @@ def page_of(
     """Return the fields of the page's template."""
     words, view = dress.words, dress.view
     writer = Writer(words, view)
-    record = to_json(measurement, conformity, view.axis, dress.before).encode()
-    digest = hashlib.sha256(record).hexdigest()
+    record = dress.record or to_json(measurement, conformity, view.axis, dress.before)
+    digest = hashlib.sha256(record.encode()).hexdigest()
     number = digest[:NUMBER_DIGITS]
     made = measurement.provenance
     shown = scene(measurement, conformity, words, view)

@@ -44,12 +44,12 @@ def scene(
     """Return the scene as plain data, without wheels that were not measured."""
     words = words or load_translations("en")
     failed = _nonconforming(conformity)
-    writer, known = Writer(words, view), by_kind(stated(measurement), view.axis)
+    texts = wheel_texts(measurement, Writer(words, view))
     measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
     return {
         "schema": SCHEMA,
         "wheels": [
-            _wheel(wheel, measurement.frame, failed) | _texts(wheel.observation.name, known, writer)
+            _wheel(wheel, measurement.frame, failed) | texts[wheel.observation.name]
             for wheel in measured
         ],
         "lines": [
@@ -59,6 +59,13 @@ def scene(
         ],
         "cloud": cloud_tree(measurement),
     }
+
+
+def wheel_texts(measurement: Measurement, writer: Writer) -> dict[str, dict[str, str]]:
+    """Return what is written at each wheel that was measured, by its name."""
+    known = by_kind(stated(measurement), writer.view.axis)
+    names = [wheel.observation.name for wheel in measurement.wheels if wheel.angles is not None]
+    return {name: _texts(name, known, writer) for name in names}
 
 
 def outlines(result: WheelResult) -> list[Array]:

@@ -25,11 +25,20 @@ from ...batch.results.query import (
     wheels_of,
 )
 from ...batch.results.series import series
-from ...batch.results.tables import drift_table, expanded, failures_table
+from ...batch.results.tables import (
+    capture_class,
+    capture_status,
+    doubted_note,
+    doubts_listed,
+    drift_table,
+    expanded,
+    failures_table,
+)
 from ...batch.results.trend_plot import trend_drawing
 from ...batch.results.trends import drifts
 from ...files import lies_in
 from ...report.format.language import Translations
+from ...report.format.notes import joined_notes_in
 from ...report.format.view import PAPER
 from ...report.format.writer import NONE, Table, Writer
 from ...vehicle import REFERENCE_WHEELS, Unit
@@ -48,7 +57,6 @@ LISTED = [
     ("", "rear_total_toe"), ("", "front_total_toe"), ("", "thrust_angle"),
 ]  # fmt: skip
 MEASURED = "measurements"
-CLASSES = {"ok": "", "part": "undecided"}
 
 
 def answer(
@@ -64,7 +72,10 @@ def answer(
     with open_catalogue(str(folder)) as catalogue:
         found = QUESTIONS[question](catalogue, parameters, words)
         if question in OF_CAMBERS:
-            found["notice"] = _unlike_verticals(catalogue, parameters, words)
+            notices = [_unlike_verticals(catalogue, parameters, words)]
+            if question in STATISTICS:
+                notices += doubted_note(catalogue, filter_of(parameters), words)
+            found["notice"] = " ".join(filter(None, notices))
         return found
 
 
@@ -81,11 +92,12 @@ def _unlike_verticals(catalogue: Catalogue, parameters: Parameters, words: Trans
     return words("page.unlike_verticals", each=each)
 
 
-def plot(folder: Path, quantity: str, words: Translations) -> str:
-    """Draw one quantity over time, as SVG."""
+def plot(folder: Path, parameters: Parameters, words: Translations) -> str:
+    """Draw one quantity of the captures that match a filter over time, as SVG."""
+    quantity, which = parameters.get("quantity", ""), filter_of(parameters)
     with open_catalogue(str(folder)) as catalogue:
-        found = series(catalogue, [quantity])
-        line = drifts(catalogue, [quantity])
+        found = series(catalogue, [quantity], which)
+        line = drifts(catalogue, [quantity], which)
     if not found or not line or not math.isfinite(line[0].slope):
         raise RefusedError(404, words("page.no_trend"))
     return trend_drawing(found[0], line[0], quantity_name(quantity, words), words).svg
@@ -119,7 +131,7 @@ def _captures(catalogue: Catalogue, parameters: Parameters, words: Translations)
     found = list(captures(catalogue, which, "name", PAGE, offset))
     angles = [_angles(catalogue, row.key, words) for row in found]
     rows = [
-        [row.name, row.vehicle or NONE, row.date or NONE, words(f"page.{row.status}"), *shown]
+        [row.name, row.vehicle or NONE, row.date or NONE, capture_status(row, words), *shown]
         for row, shown in zip(found, angles, strict=True)
     ]
     head = [words(f"page.{name}").lower() for name in ("name", "vehicle", "date", "status")]
@@ -129,11 +141,16 @@ def _captures(catalogue: Catalogue, parameters: Parameters, words: Translations)
     ]  # fmt: skip
     table = Table(
         head, rows, 4, words("page.captures"),
-        [CLASSES.get(row.status, "not-conform") for row in found], [1],
+        list(map(capture_class, found)), [1],
     )  # fmt: skip
     keys = [row.key for row in found]
-    total = count(catalogue, which)
-    return {"table": table_tree(table), "keys": keys, "offset": offset, "total": total}
+    return {
+        "table": table_tree(table),
+        "keys": keys,
+        "offset": offset,
+        "total": count(catalogue, which),
+        "doubts": doubts_listed(found, words),
+    }
 
 
 def _angles(catalogue: Catalogue, key: str, words: Translations) -> list[str]:
@@ -167,8 +184,8 @@ def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) 
     of_vehicle = (words("page.quantity").lower(), words("vehicle.value"), "u")
     return {
         "name": found.name,
-        "facts": [[words("page.status"), words(f"page.{found.status}")]]
-        + [[words("page.reason"), found.reason]] * bool(found.reason)
+        "facts": [[words("page.status"), capture_status(found, words)]]
+        + [[words("page.reason"), joined_notes_in(found.reason, words)]] * bool(found.reason)
         + [[words("page.date"), found.date]] * bool(found.date)
         + [[words("page.option_vertical"), words.known("page", f"vertical_{found.vertical}")]]
         * bool(found.vertical),
@@ -205,14 +222,15 @@ def _earlier(catalogue: Catalogue, row: CaptureRow) -> list[CaptureRow]:
 
 def _changes(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
     """Return what changed from one capture of a vehicle to another."""
-    local, paths = catalogue.store.local, []
+    local, paths, names = catalogue.store.local, [], []
     for key in (parameters.get("key", ""), parameters.get("before", "")):
         row = capture_of(catalogue, key)
         name = _record(catalogue, row) if row else ""
-        if not name or local is None:
+        if not row or not name or local is None:
             raise RefusedError(404, "no such measurement in these results")
         paths.append(local / name)
-    return {"table": changes(paths[0], paths[1], words)}
+        names.append(row.name)
+    return {"table": changes(paths[0], paths[1], names[1], words)}
 
 
 def _chart(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
@@ -275,4 +293,5 @@ def _value(value: float | None, u: float | None, unit: str, words: Translations)
 
 
 BY_VERTICAL = ("camber", "caster", "inclination")  # in names of quantities
-OF_CAMBERS = ("captures", "trends", "chart")
+STATISTICS = ("trends", "chart")
+OF_CAMBERS = ("captures", *STATISTICS)

@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from ...config import config_folder
 from ...measurement import BY_MODEL, VerticalKind
+from ...readers import ReadOptions
 from ..security import RefusedError
 
 UNITS = ("m", "mm", "in")
@@ -71,6 +72,8 @@ def checked(given: Any, own: Path | None = None) -> dict[str, Any]:
             options[key] = _hints(value)
         elif key == "regions":
             options[key] = _regions(value)
+        elif key in ("columns", "pitch"):
+            options[key] = [part.strip() for part in str(value)[:LONGEST_NAME].split(",")]
         elif key in ("front", "front_point"):
             options[key] = _vector(key, value)
         elif key not in allowed or value not in allowed[key]:
@@ -80,7 +83,25 @@ def checked(given: Any, own: Path | None = None) -> dict[str, Any]:
         else:
             files = own_files(own, NAMED[key]) if key in NAMED else {}
             options[key] = str(files[value]) if value in files else value
+    reading_of(options)
     return options
+
+
+def reading_of(options: dict[str, Any]) -> ReadOptions:
+    """Return how scans are read, by the columns and the pitch of options. Raises RefusedError."""
+    columns, pitch = options.get("columns"), options.get("pitch")
+    try:
+        steps = None
+        if pitch is not None:
+            dx, dy = map(float, pitch)
+            steps = dx, dy
+        return ReadOptions(None if columns is None else tuple(columns), steps)
+    except ValueError as error:
+        given = " and ".join(f"{key} {','.join(options[key])}" for key in ("columns", "pitch")
+                             if key in options)  # fmt: skip
+        fact = str(error) if pitch is None or len(pitch) == 2 else "two numbers are needed"
+        raise RefusedError(400, f"{given}: {fact}: columns such as row,col,x,y,z,i, a pitch "
+                           "such as 0.05,0.1") from error  # fmt: skip
 
 
 def type_of(name: str) -> str:

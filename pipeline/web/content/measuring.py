@@ -30,6 +30,7 @@ from ...report.json.stored import RECORD
 from ...report.scene.scene import scene
 from ...system import give_way
 from ..files.stored import PICKLE, store
+from .choices import reading_of
 from .panel import drawings, panel
 from .points import stamps, write_points
 
@@ -118,7 +119,8 @@ def opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Cap
     check_inside(source, allowed)
     keys = ("length_unit", "front", "front_point", "up", "hints", "regions")
     overrides = CaptureOptions(
-        **{key: options[key] for key in keys if options.get(key) is not None}
+        reading=reading_of(options),
+        **{key: options[key] for key in keys if options.get(key) is not None},
     )
     with open_capture(source, options.get("target"), overrides) as capture:
         for entry in (*capture.entries, *filter(None, [capture.cloud])):

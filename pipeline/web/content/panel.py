@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from ...measurement import Conformity, Measurement, WheelResult
@@ -24,6 +24,7 @@ from ...report.plots.budget import wheel_budget
 from ...report.plots.drawing import Drawing
 from ...report.plots.residuals import histogram_drawing, profile_drawing
 from ...report.plots.target_face import face_drawing
+from ...report.scene.scene import wheel_texts
 from ...report.tables.conformity import joint, limits_table
 from ...report.tables.kinematics import runout_tables, steering_tables
 from ...report.tables.vehicle import vehicle_table
@@ -34,33 +35,36 @@ from ...vehicle import AXES, Axis
 def panel(
     measurement: Measurement, conformity: Conformity | None, words: Translations
 ) -> dict[str, Any]:
-    """Build the panel in one language."""
+    """Build the panel in one language; what depends on the view by convention, axis and style."""
     plain = Writer(words, view_of(measurement, PAPER.axis, PAPER.angles, "default"))
-    turned = (*steering_tables(measurement, plain), *runout_tables(measurement, plain))
-    extra = [table for table, _ in turned]
-    return {
-        "head": head_pairs(measurement, "", words),
-        "headline": dataclasses.asdict(headline(measurement, conformity, words)),
-        "joint": joint(conformity, plain) if conformity else "",
-        "limits": table_tree(limits_table(conformity, plain)) if conformity else None,
-        "tables": {
+
+    def in_every_view(make: Callable[[Writer], Any]) -> dict[str, Any]:
+        return {
             convention: {
                 axis: {
-                    style: _tables(
-                        measurement, words, view_of(measurement, axis, style, convention)
-                    )
+                    style: make(Writer(words, view_of(measurement, axis, style, convention)))
                     for style in STYLES_WITHOUT_RIM
                 }
                 for axis in AXES
             }
             for convention in CONVENTIONS
-        },
+        }
+
+    return {
+        "head": head_pairs(measurement, "", words),
+        "headline": dataclasses.asdict(headline(measurement, conformity, words)),
+        "joint": joint(conformity, plain) if conformity else "",
+        "limits": in_every_view(lambda writer: table_tree(limits_table(conformity, writer)))
+        if conformity
+        else None,
+        "tables": in_every_view(lambda writer: _tables(measurement, writer)),
+        "extra": in_every_view(lambda writer: _turned_tables(measurement, writer)),
+        "labels": in_every_view(lambda writer: wheel_texts(measurement, writer)),
         "axes": {axis: plain.axis(axis) for axis in AXES},
         "conventions": {
             convention: "" if convention == "default" else words.known("convention", convention)
             for convention in CONVENTIONS
         },
-        "extra": [table_tree(table) for table in extra],
         "wheels": [
             {"name": result.observation.name, "facts": wheel_facts(result, plain)}
             for result in measurement.wheels
@@ -91,10 +95,15 @@ def view_of(
     return View(axis, style, vertical=measurement.vertical_kind, convention=convention)
 
 
-def _tables(measurement: Measurement, words: Translations, view: View) -> list[dict[str, Any]]:
-    writer = Writer(words, view)
+def _tables(measurement: Measurement, writer: Writer) -> list[dict[str, Any]]:
     makers = (wheels_table, axles_table, vehicle_table)
     return [table_tree(make(measurement, writer)) for make in makers]
+
+
+def _turned_tables(measurement: Measurement, writer: Writer) -> list[dict[str, Any]]:
+    """Return the tables of a sweep and of run-outs, without their notes."""
+    found = (*steering_tables(measurement, writer), *runout_tables(measurement, writer))
+    return [table_tree(table) for table, _ in found]
 
 
 def table_tree(table: Table) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from ...config import load_config
-from ...report.format.earlier import check_same_vehicle, check_same_vertical, read_earlier
 from ...report.format.laboratory import Laboratory, read_laboratory
 from ...report.format.language import Translations, load_translations
 from ...report.format.report_options import ReportOptions
@@ -25,6 +24,7 @@ from ...report.validation import validation_report
 from ...report.write import ReportFiles, document_files, report_files, write_whole
 from ...validation import Comparison
 from ..files.stored import load, load_records
+from .changes import earlier_of
 from .comparing import COMPARISON
 from .panel import view_of
 
@@ -66,16 +66,16 @@ def _of_measurement(
 ) -> bytes:
     measurement, conformity = load(out)
     view = view_of(measurement, plan["axis"], plan["style"], plan["convention"])
-    before = read_earlier(Path(plan["before"])) if plan["before"] else None
-    if before is not None:
-        check_same_vehicle(before, measurement.provenance.vehicle, measurement.provenance.source)
-        check_same_vertical(before, measurement.vertical_kind)
-    options, kind = ReportOptions(words, view, laboratory, before), plan["format"]
-    if kind == "json":  # as it was written: an opened one holds more than is read from it
-        tree = json.loads((out / RECORD).read_bytes()) | {"axis_in_use": view.axis}
-        before_and_after = tree | {"before": before_tree(measurement, before)}
-        return f"{json_text(before_and_after)}\n".encode()
+    before, kind = None, plan["format"]
+    if plan["before"]:
+        before = earlier_of(measurement, Path(plan["before"]), plan["before_name"])
     if kind == "txt":
         return detailed_report(measurement, conformity, view, before).encode()
+    # As it was written: an opened one holds more than is read from it.
+    tree = json.loads((out / RECORD).read_bytes()) | {"axis_in_use": view.axis}
+    record = f"{json_text(tree | {'before': before_tree(measurement, before)})}\n"
+    if kind == "json":
+        return record.encode()
+    options = ReportOptions(words, view, laboratory, before, record)
     wanted = ReportFiles(html=kind == "html", pdf=kind == "pdf")
     return report_files(measurement, conformity, options, wanted)[f"report.{kind}"]

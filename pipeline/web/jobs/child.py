@@ -13,7 +13,7 @@ import traceback
 from pathlib import Path
 from typing import Any, TextIO
 
-from ...errors import WheelplaneError
+from ...errors import InputError, WheelplaneError
 from ...readers import confine, die_with
 
 TASKS = {
@@ -39,7 +39,8 @@ def main() -> None:
         from ..files.excerpt import failure
 
         source = Path(plan["source"]) if "source" in plan else None
-        send(messages, "failure", failure(str(error), source))
+        refused = {"refused": True} if isinstance(error, InputError) else {}
+        send(messages, "failure", failure(str(error), source) | refused)
     except MemoryError:
         text = "the measurement exceeds its memory limit: thin the scans"
         send(messages, "failure", {"text": text})

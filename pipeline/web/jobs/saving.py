@@ -47,12 +47,13 @@ def report_file(
     plan = {"of": job.task, "format": kind, "language": language, **view, "file": name}
     uses = (job, before) if before else (job,)
     plan["before"] = str(before.folder / RECORD) if before else ""
+    plan["before_name"] = before.name if before else ""
     report = jobs.start("report", name, plan, uses=uses)
     report.finished.wait(REPORT_SECONDS)
     if report.state != "done":
         jobs.cancel(report)
         failure = report.failure or {"text": "the report was not written in time: try again"}
-        raise RefusedError(500, failure["text"])
+        raise RefusedError(400 if failure.get("refused") else 500, failure["text"])
     return path
 
 

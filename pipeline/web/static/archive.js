@@ -115,7 +115,10 @@ export class Archive {
       }
       const { table } = found;
       this.list.replaceChildren(noteOf(found), table.rows.length ? tableOf(table, { kind: part }) : el("p", { class: "empty" }, t("no_rows")));
-      if (part === "captures") this.#addPages(found);
+      if (part === "captures") {
+        this.list.append(...found.doubts.map((text) => el("p", { class: "note" }, text)));
+        this.#addPages(found);
+      }
       const open = {
         captures: (i) => this.#go({ key: found.keys[i], offset: asked.offset || "" }),
         trends: (i) => this.#go({ quantity: found.quantities[i] }),

@@ -28,10 +28,12 @@ export class Result {
     const parts = ["panel", "scene"].map((kind) => ask(`/api/jobs/${job.id}/${kind}-${language}.json`));
     const [panel, scene] = await whileShown(Promise.all(parts), () => job === this.job);
     this.panel = panel;
+    this.viewer = null;
     this.#build();
     this.place.hidden = false;
     this.onStep(2);
     this.viewer = Wheelplane3D.mount(this.stage, scene, { words: viewerWords, onWheel: (name) => this.choose(name) });
+    this.#label();
     if (scene.cloud) this.#stream();
     byId("result-title").focus();
   }
@@ -53,12 +55,13 @@ export class Result {
   }
 
   #build() {
-    const { headline, joint, limits, notes, troubles, extra, head } = this.panel;
+    const { headline, joint, notes, troubles, head } = this.panel;
     this.stage = el("div", { class: "stage" });
     this.evidence = el("aside", { class: "card evidence", "aria-live": "polite" }, el("p", { class: "hint" }, t("wheel_hint")));
     this.angles = el("div");
     this.meaning = el("p", { class: "small", role: "status" });
     this.axles = el("div", { class: "pair" });
+    this.others = el("div");
     this.count = el("span", { role: "status" });
     this.coming = el("p", { class: "small" }, this.count);
     this.saver = new Saver(this.job, () => ({ axis: this.axis, style: this.style, convention: this.convention, language, before: this.earlier ?? "" }), () => this.onStep(3));
@@ -83,8 +86,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
       this.saver.card,
       new Machine(this.job).card,
       this.axles,
-      ...(limits ? [el("div", { class: "card" }, tableOf(limits))] : []),
-      ...extra.map((table) => el("div", { class: "card" }, tableOf(table))),
+      this.others,
       el("details", { class: "card" }, el("summary", {}, t("more")), factsOf(head)));
     this.#setView({});
   }
@@ -116,7 +118,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
   /** Show the tables in another unit, relative to another axis, or with the signs of another convention. */
   #setView(change) {
     Object.assign(this, change);
-    const [wheels, ...others] = this.panel.tables[this.convention][this.axis][this.style];
+    const [wheels, ...others] = this.#inView("tables");
     const whole = wheels.classes.every((kind) => kind !== "bad");
     const table = tableOf(wheels, { kind: "angles", hidden: whole ? [STATUS] : [] });
     for (const [i, row] of [...table.querySelectorAll("tbody tr")].entries()) {
@@ -127,7 +129,19 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
     }
     this.meaning.textContent = this.panel.conventions[this.convention];
     this.angles.replaceChildren(table);
-    this.axles.replaceChildren(...others.map((other) => el("div", { class: "card" }, tableOf(other))));
+    this.axles.replaceChildren(...others.map(cardOf));
+    this.others.replaceChildren(...[this.#inView("limits"), ...this.#inView("extra")].filter(Boolean).map(cardOf));
+    this.#label();
+  }
+
+  /** Part of the panel in the unit, axis and convention that are chosen; one kept by an earlier version has but one. */
+  #inView(part) {
+    return this.panel[part]?.[this.convention]?.[this.axis][this.style] ?? this.panel[part];
+  }
+
+  /** Write the angles in the 3D view as in the table. */
+  #label() {
+    this.viewer?.rewrite(this.#inView("labels") ?? {});
   }
 
   #before() {
@@ -166,6 +180,10 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
       lose(error.message);
     }
   }
+}
+
+function cardOf(table) {
+  return el("div", { class: "card" }, tableOf(table));
 }
 
 function factsOf(pairs) {

@@ -3,6 +3,7 @@ import { el, machine, select, t } from "./base.js";
 
 const WAYS = ["up", "down"];
 const MOST_REPEATS = 100;
+const FORM = { repeats: 3, directions: false }; // of an empty one
 
 /** Readings by state, series, operator, quantity, point, repeat and direction. */
 export class Sheet {
@@ -13,8 +14,7 @@ export class Sheet {
     this.units = {};
     this.sheets = [];
     this.at = { state: machine.states[0][0], series: "1", operator: "" };
-    this.repeats = 3;
-    this.directions = false;
+    Object.assign(this, FORM);
   }
 
   get stored() {
@@ -26,16 +26,17 @@ export class Sheet {
     Object.assign(this, others, { readings: new Map(readings) });
   }
 
-  /** Take the rows of a table in the place of all readings. */
+  /** Take the rows of a table, no two of one repeat and each quantity in one unit, in the place of all readings. */
   load(rows) {
     this.readings.clear();
     this.built = null;
+    Object.assign(this, FORM, { units: {} });
     for (const row of rows) {
       const one = Object.fromEntries(machine.columns.map((column, i) => [column, row[i]]));
       const [quantity, unit, state, direction] = ["quantity", "unit", "state", "direction"].map((key) => one[key].toLowerCase());
       Object.assign(one, { quantity, unit, direction, state: state.replace(/[-_]/g, " ") });
       this.readings.set(keyOf(one), one);
-      this.units[one.quantity] = one.unit;
+      this.units[one.quantity] ||= one.unit;
       this.directions ||= one.direction !== "";
       this.repeats = Math.min(MOST_REPEATS, Math.max(this.repeats, Number(one.repeat) || 0));
     }

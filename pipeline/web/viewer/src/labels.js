@@ -1,5 +1,6 @@
 // Names in the picture; a wheel's is a button, so that it can be chosen by keyboard too.
 import * as THREE from "three";
+import { wordsOf } from "./model.js";
 
 const ABOVE_PX = 12;
 const GAP_PX = 2;
@@ -35,6 +36,15 @@ export class Labels {
     this.chosen = name;
     for (const label of this.labels) {
       if (label.wheel) label.element.setAttribute("aria-pressed", String(label.wheel === name));
+      label.half = null;
+    }
+  }
+
+  /** Write other texts at the wheels, {label, toe_text, camber_text} by their names. */
+  rewrite(texts) {
+    for (const label of this.labels) {
+      if (!texts[label.wheel]) continue;
+      label.element.replaceChildren(...wordsOf({ name: label.wheel, ...texts[label.wheel] }).map((text, i) => line(text, i)));
       label.half = null;
     }
   }

@@ -176,7 +176,7 @@ function kindOf({ colour_class: kind, role }) {
   return `${kind === "bad" ? " w3d-bad" : ""}${role === "reference" ? "" : " w3d-brief"}`;
 }
 
-function wordsOf({ name, label, toe_text: toe, camber_text: camber }) {
+export function wordsOf({ name, label, toe_text: toe, camber_text: camber }) {
   return [label ?? name, ...[toe, camber].filter(Boolean)];
 }
 

@@ -200,6 +200,12 @@ class Viewer {
     this.#wake();
   }
 
+  /** Write other angles at the wheels, as in another unit. */
+  rewrite(texts) {
+    this.labels.rewrite(texts);
+    this.#wake();
+  }
+
   stats() {
     const { moving, drawn, loaded, tree } = this.cloud;
     return { fps: moving.fps, drawn, loaded, ...tree?.counts(this.pilot.camera) };
@@ -377,7 +383,7 @@ function divisor(a, b) {
 /** What stands in for a viewer where there is no WebGL: the same methods, which do nothing. */
 function absent(root) {
   const nothing = () => {};
-  const methods = ["addPoints", "addCloud", "openTree", "describe", "colourBy", "showScan", "cut", "setBudget", "setLayer", "look", "focus", "mark"];
+  const methods = ["addPoints", "addCloud", "openTree", "describe", "colourBy", "showScan", "cut", "setBudget", "setLayer", "look", "focus", "mark", "rewrite"];
   return {
     ...Object.fromEntries(methods.map((name) => [name, nothing])),
     stats: () => ({ fps: 0, drawn: 0, loaded: 0 }),
