@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import wheelplane as wp
@@ -102,7 +103,10 @@ def test_a_capture_gives_what_the_command_gives(capture, measured, capsys, monke
     assert measured.vehicle["wheelbase"].mm == pytest.approx(1e3 * tree["frame"]["wheelbase_m"])
 
 
-@pytest.mark.parametrize("form", ["array", "rows last", "list", "open3d", "paths", "mm", "masked"])
+FORMS = ["array", "rows last", "list", "open3d", "paths", "mm", "masked", "frames"]
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_every_form_of_the_same_points_gives_the_same(form, capture, clouds, measured):
     """Bit for bit; in mm, to what dividing by 1000 costs."""
     given = dict(clouds)
@@ -121,6 +125,8 @@ def test_every_form_of_the_same_points_gives_the_same(form, capture, clouds, mea
         mask = np.zeros(rows.shape, dtype=bool)
         mask[5] = True
         given["FL"] = np.ma.MaskedArray(rows, mask)
+    elif form == "frames":
+        given = {w: pd.DataFrame(a[:, ::-1], columns=list("izyx")) for w, a in clouds.items()}
     before = {wheel: np.array(cloud, copy=True) for wheel, cloud in clouds.items()}
     found = wp.measure(given, DISC, length_unit="mm" if form == "mm" else "m")
     for wheel in WHEELS:
