@@ -16,7 +16,9 @@ import pytest
 
 import wheelplane as wp
 from tests.support.made import write_small_capture
+from wheelplane.capture import open_capture
 from wheelplane.cli import main
+from wheelplane.config import load_config
 from wheelplane.library.alignment import Alignment, Covariance
 from wheelplane.library.comparison import validate
 from wheelplane.library.measure_vehicle import measure
@@ -337,3 +339,46 @@ def test_an_option_that_is_none_is_named(options, words):
     known = {"target": "disc-250"} | options
     with pytest.raises(wp.InputError, match=words):
         wp.measure(dict.fromkeys(("RR", "RL", "FR", "FL"), points), **known)
+
+
+@pytest.mark.parametrize(
+    ("argument", "says"),
+    [
+        ({"target": "disc-250"}, "target has no effect on five points: leave it out"),
+        ({"length_unit": "mm"}, "length_unit has no effect .*: give it to read_five_point"),
+        ({"length_unit": "m"}, "length_unit has no effect on five points"),
+        ({"scanner": "default"}, "scanner has no effect on five points"),
+        ({"config": load_config(None)}, "config has no effect on five points"),
+        ({"vertical": "floor"}, "vertical has .*: they show neither floor nor gravity"),
+        ({"vehicle": "own"}, "vehicle has no effect on five points"),
+    ],
+)
+def test_an_argument_without_effect_on_five_points_is_refused(capture, argument, says):
+    file = wp.read_five_point(capture / "five-point.txt")
+    with pytest.raises(wp.InputError, match=says):
+        wp.measure(file, **argument)
+
+
+def test_an_argument_without_effect_on_a_capture_is_refused(capture):
+    with pytest.raises(wp.InputError, match="vehicle has no effect on a capture: state vehicle in"):
+        wp.measure(capture, vehicle="own")
+    with open_capture(capture) as opened:
+        for argument in ({"vehicle": "own"}, {"target": "disc-250"}, {"length_unit": "m"}):
+            name = next(iter(argument))
+            with pytest.raises(wp.InputError, match=f"{name} has no effect on an open capture: "):
+                wp.measure(opened, **argument)
+
+
+@pytest.mark.parametrize(
+    ("names", "says"),
+    [
+        ((7, "7"), "two scans have the name '7': give each trial its own"),
+        (("7", 7), "two scans have the name '7'"),
+        (("",), "the trial '' has no name: give one"),
+        ((" ",), "the trial ' ' has no name"),
+    ],
+)
+def test_every_trial_has_a_name_of_its_own(names, says):
+    points = np.random.default_rng(0).random((100, 3))
+    with pytest.raises(wp.InputError, match=says):
+        wp.measure(dict.fromkeys((*WHEELS, *names), points), "disc-250")
