@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ..errors import MissingDependencyError, NotMeasuredError
@@ -34,7 +33,7 @@ from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report, summary_table
 from ..report.write import ReportFiles, write_reports
 from ..vectors import Array
-from .value import Value
+from .value import Named, Value
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,10 +111,11 @@ class Covariance:
         return f"<Covariance of {len(self.names)} quantities, rad and m>"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Alignment(Mapping[str, Value]):
     """Alignment of one vehicle: a mapping of all quantities by name, such as `FL.toe`.
 
+    Two are equal when all their quantities are. It can be copied and pickled.
     measurement: the record with the evidence behind it.
     """
 
@@ -129,12 +129,12 @@ class Alignment(Mapping[str, Value]):
             for one in self.measurement.wheels
             if one.observation.role in ("reference", "trial")
         }
-        return MappingProxyType(made)
+        return Named(made)
 
     @cached_property
     def vehicle(self) -> Mapping[str, Value]:
         """Quantities of the vehicle: `rear_total_toe`, `thrust_angle`, `wheelbase` ..."""
-        return MappingProxyType({k: v for k, v in self._values.items() if "." not in k})
+        return Named({k: v for k, v in self._values.items() if "." not in k})
 
     @cached_property
     def covariance(self) -> Covariance:
@@ -164,10 +164,7 @@ class Alignment(Mapping[str, Value]):
         return len(self._values)
 
     def __hash__(self) -> int:
-        return id(self)
-
-    def __eq__(self, other: object) -> bool:
-        return self is other
+        return hash(tuple(self.values()))
 
     @cached_property
     def _values(self) -> dict[str, Value]:
@@ -244,7 +241,7 @@ def _wheel(result: WheelResult, values: Mapping[str, Value]) -> Wheel:
         result.compensated,
         None if result.pose is None else result.pose.centre_m,
         result.normal,
-        MappingProxyType(own),
+        Named(own),
     )
 
 

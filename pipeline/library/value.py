@@ -1,12 +1,35 @@
-"""Value of a quantity with its uncertainty, in the units that people use."""
+"""Value of a quantity with its uncertainty, in the units that people use; values by name."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from ..report.format.digits import decimal
 from ..vehicle import Unit
+
+Item = TypeVar("Item")
+
+
+class Named(Mapping[str, Item]):
+    """Read-only mapping by name; unlike a mappingproxy it can be copied and pickled."""
+
+    def __init__(self, held: Mapping[str, Item]) -> None:
+        self._held = dict(held)
+
+    def __getitem__(self, name: str) -> Item:
+        return self._held[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._held)
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    def __repr__(self) -> str:
+        return repr(self._held)
 
 
 @dataclass(frozen=True, repr=False)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import pickle
 import re
 import subprocess
 import sys
@@ -382,3 +384,37 @@ def test_every_trial_has_a_name_of_its_own(names, says):
     points = np.random.default_rng(0).random((100, 3))
     with pytest.raises(wp.InputError, match=says):
         wp.measure(dict.fromkeys((*WHEELS, *names), points), "disc-250")
+
+
+def pickled(found):
+    return pickle.loads(pickle.dumps(found))
+
+
+@pytest.mark.parametrize("copied", [pickled, copy.deepcopy, copy.copy])
+def test_results_are_copied_and_pickled_as_they_are(copied, clouds, measured, capture):
+    assert values(measured)  # of a result whose values were read before
+    again = copied(measured)
+    assert again == measured
+    assert hash(again) == hash(measured)
+    assert again.json() == measured.json()
+    assert again.text() == measured.text()
+    assert dict(copied(measured.vehicle)) == dict(measured.vehicle)
+    assert repr(copied(measured.wheels)) == repr(measured.wheels)
+    assert copied(measured["FL.toe"]) == measured["FL.toe"]
+    assert np.array_equal(copied(measured.covariance).matrix, measured.covariance.matrix)
+    found = wp.find_target(clouds["FL"], DISC)
+    assert repr(copied(found)) == repr(found)
+    comparison = wp.validate(measured, capture / "five-point.txt")
+    assert np.array_equal(copied(comparison).en, comparison.en)
+
+
+def test_results_of_other_values_are_not_equal(capture, measured):
+    assert wp.measure(capture) == measured
+    assert wp.measure(wp.read_five_point(capture / "five-point.txt")) != measured
+    assert measured != dict.fromkeys(measured)
+
+
+def test_results_by_name_cannot_be_changed(measured):
+    for held in (measured.wheels, measured.vehicle):
+        with pytest.raises(TypeError, match="does not support item assignment"):
+            held["FL"] = None
