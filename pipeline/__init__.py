@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .five_point import FivePointFile, read_five_point
     from .library import (
         Alignment,
+        Comparison,
         Covariance,
         FoundTarget,
         Plane,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
         measure,
         validate,
     )
-    from .validation import Comparison
 
     __version__: str
 
@@ -62,7 +62,6 @@ __all__ = [
 _ROOMS = {
     ".errors": {name for name in __all__ if name.endswith("Error")},
     ".five_point": {"FivePointFile", "read_five_point"},
-    ".validation": {"Comparison"},
 }
 
 

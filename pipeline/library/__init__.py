@@ -1,13 +1,14 @@
 """The library's public functions and their results; `import wheelplane` exports them."""
 
 from .alignment import Alignment, Covariance, Wheel
-from .comparison import validate
+from .comparison import Comparison, validate
 from .measure_vehicle import measure
 from .single_scan import FoundTarget, Plane, find_planes, find_target, fit_plane
 from .value import Value
 
 __all__ = [
     "Alignment",
+    "Comparison",
     "Covariance",
     "FoundTarget",
     "Plane",

@@ -20,19 +20,20 @@ from ..measurement import (
     WHEEL_BY_SWEEP,
     Estimate,
     Measurement,
+    VerticalKind,
     WheelResult,
     stated,
     steering_quantity,
     turned_quantity,
 )
-from ..report.format.language import load_translations
-from ..report.format.report_options import ReportOptions
-from ..report.format.view import PAPER
+from ..report.format.view import AngleStyle, Convention
 from ..report.html.page import html_report
 from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report, summary_table
 from ..report.write import ReportFiles, write_reports
 from ..vectors import Array
+from ..vehicle import Axis
+from .reporting import report_options
 from .value import Named, Value
 
 
@@ -187,20 +188,58 @@ class Alignment(Mapping[str, Value]):
         """Return measurement.json, the contract `wheelplane/measurement/1`."""
         return to_json(self.measurement)
 
-    def text(self) -> str:
-        """Return report.txt."""
-        return detailed_report(self.measurement)
+    def text(
+        self,
+        *,
+        axis: Axis | None = None,
+        angles: AngleStyle = "dms",
+        convention: Convention = "default",
+        rim: str | None = None,
+    ) -> str:
+        """Return report.txt.
 
-    def html(self, language: str = "en") -> str:
-        """Return report.html, one file that needs no network."""
-        return html_report(self.measurement, None, _options(language))
+        axis: longitudinal axis of toe, "rear-axle", "centreline", "thrust-line" or "side-bisector";
+        by default that of the convention. angles: "dms", "deg", "mm/m", or "mm" at a `rim` such as
+        "16in". convention: of signs, "default", "iso-8855" or "german-workshop". Raises InputError.
+        """
+        view = report_options(self._vertical, "en", axis, angles, convention, rim).view
+        return detailed_report(self.measurement, view=view)
 
-    def save(self, folder: str | Path, *, pdf: bool = False, language: str = "en") -> list[Path]:
-        """Write measurement.json and the reports to `folder`; return their paths."""
+    def html(
+        self,
+        language: str = "en",
+        *,
+        axis: Axis | None = None,
+        angles: AngleStyle = "dms",
+        convention: Convention = "default",
+        rim: str | None = None,
+    ) -> str:
+        """Return report.html, one file that needs no network; options as of `text`."""
+        options = report_options(self._vertical, language, axis, angles, convention, rim)
+        return html_report(self.measurement, None, options)
+
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        pdf: bool = False,
+        language: str = "en",
+        axis: Axis | None = None,
+        angles: AngleStyle = "dms",
+        convention: Convention = "default",
+        rim: str | None = None,
+    ) -> list[Path]:
+        """Write measurement.json and the reports to `folder`; return their paths.
+
+        Options as of `text`. Raises InputError, and MissingDependencyError of a PDF.
+        """
+        options = report_options(self._vertical, language, axis, angles, convention, rim)
         wanted = ReportFiles(pdf=pdf)
-        return write_reports(
-            self.measurement, Path(folder), options=_options(language), wanted=wanted
-        )
+        return write_reports(self.measurement, Path(folder), options=options, wanted=wanted)
+
+    @property
+    def _vertical(self) -> VerticalKind:
+        return self.measurement.vertical_kind
 
     def show(self) -> None:
         """Show the report: inline in a notebook, else in the browser."""
@@ -220,7 +259,8 @@ class Alignment(Mapping[str, Value]):
 
     def _repr_html_(self) -> str:
         notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
-        return f"<pre>{html.escape(summary_table(self.measurement))}</pre>{notes}"
+        table = summary_table(self.measurement, report_options(self._vertical).view)
+        return f"<pre>{html.escape(table)}</pre>{notes}"
 
     def __repr__(self) -> str:
         made = self.measurement.provenance
@@ -263,10 +303,6 @@ def _turned(measurement: Measurement) -> Iterator[tuple[str, Value]]:
             known = one.source
             unit = UNITS.get(one.name, "rad")
             yield name, Value(name, unit, known.value, known.u, known.expanded, known.dof)
-
-
-def _options(language: str) -> ReportOptions:
-    return ReportOptions(load_translations(language), PAPER)
 
 
 def _framed(page: str) -> str:

@@ -84,9 +84,18 @@ class Value:
 
     def _of(self, unit: Unit, number: float) -> float:
         if self.unit != unit:
-            kind, use = ("length", "mm") if self.unit == "m" else ("angle", "deg")
-            raise TypeError(f"{self.name} is a {kind}: use {use}")
+            kind, use = ("a length", "mm") if self.unit == "m" else ("an angle", "deg")
+            raise TypeError(f"{self.name} is {kind}: use {use}")
         return number
+
+    def __float__(self) -> float:
+        """Return `value`, rad or m."""
+        return self.value
+
+    def __format__(self, spec: str) -> str:
+        """Return the value in degrees or millimetres with that unit; all of it without a spec."""
+        value, _, _, unit = self.shown
+        return f"{value:{spec}} {unit}" if spec else str(self)
 
     @property
     def shown(self) -> tuple[float, float, float, str]:

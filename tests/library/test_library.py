@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import pickle
 import re
@@ -24,9 +25,11 @@ from wheelplane.config import load_config
 from wheelplane.library.alignment import Alignment, Covariance
 from wheelplane.library.comparison import validate
 from wheelplane.library.measure_vehicle import measure
+from wheelplane.library.reporting import report_options
 from wheelplane.library.scans import as_config, as_scan, as_target, is_path
 from wheelplane.library.single_scan import find_planes, find_target, fit_plane
 from wheelplane.library.value import Value
+from wheelplane.measurement import Vertical
 from wheelplane.readers import read_scan
 
 WHEELS = ("RR", "RL", "FR", "FL")
@@ -171,17 +174,24 @@ def test_covariance_and_values_are_those_of_the_measurement(measured):
     toe = measured.wheels["FL"].toe
     assert toe.U_deg == pytest.approx(toe.k * toe.u_deg)
     assert toe is measured["FL.toe"]
-    with pytest.raises(TypeError, match="is a angle"):
+    with pytest.raises(TypeError, match="is an angle: use deg"):
         _ = toe.mm
-    with pytest.raises(TypeError, match="a length"):
+    with pytest.raises(TypeError, match="is a length: use mm"):
         _ = measured["wheelbase"].deg
 
 
-def test_reprs_are_short_and_digits_follow_the_uncertainty(measured):
+def test_reprs_are_short_and_digits_follow_the_uncertainty(measured, capture):
     assert repr(
         Value("a", "rad", np.radians(0.123456), np.radians(0.001), np.radians(0.00196))
     ) == ("a = (+0.1235 ± 0.0020) °, k = 1.96")
-    for one in (measured, measured.covariance, measured.wheels["FL"], measured["FL.toe"]):
+    comparison = wp.validate(measured, capture / "five-point.txt")
+    for one in (
+        comparison,
+        measured,
+        measured.covariance,
+        measured.wheels["FL"],
+        measured["FL.toe"],
+    ):
         assert len(repr(one)) < 120
         assert "\n" not in repr(one)
 
@@ -418,3 +428,86 @@ def test_results_by_name_cannot_be_changed(measured):
     for held in (measured.wheels, measured.vehicle):
         with pytest.raises(TypeError, match="does not support item assignment"):
             held["FL"] = None
+
+
+def printed_by(monkeypatch, capsys, *words: object) -> str:
+    monkeypatch.setattr(sys, "argv", ["wheelplane", *map(str, words)])
+    with pytest.raises(SystemExit):
+        main()
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        {"angles": "deg"},
+        {"axis": "thrust-line", "angles": "mm/m"},
+        {"convention": "iso-8855"},
+        {"convention": "german-workshop", "axis": "rear-axle"},
+        {"angles": "mm", "rim": "16in"},
+    ],
+)
+def test_reports_are_those_of_the_command_with_the_same_options(
+    look, capture, measured, tmp_path, monkeypatch, capsys
+):
+    options = [word for name, value in look.items() for word in (f"--{name}", value)]
+    own, of_command = tmp_path / "own", tmp_path / "command"
+    printed_by(monkeypatch, capsys, "measure", capture, "-o", of_command, *options)
+    measured.save(own, **look)
+    for name in ("report.txt", "report.html", "measurement.json"):
+        assert (own / name).read_text() == (of_command / name).read_text(), name
+    assert measured.text(**look) == (own / "report.txt").read_text() != measured.text()
+    assert measured.html(**look) == (own / "report.html").read_text() != measured.html()
+
+
+@pytest.mark.parametrize(
+    ("look", "says"),
+    [
+        ({"axis": "x"}, "axis 'x' is unknown: give rear-axle, centreline, thrust-line, side-b"),
+        ({"angles": "x"}, "angles 'x' is unknown: give dms, deg, mm/m, mm"),
+        ({"convention": "x"}, "convention 'x' is unknown: give default, iso-8855, german-workshop"),
+        ({"language": "x"}, "language 'x': known are en, pt"),
+        ({"angles": "mm"}, "rim's diameter"),
+    ],
+)
+def test_choices_of_a_report_are_listed(look, says):
+    with pytest.raises(wp.InputError, match=says):
+        report_options(**look)
+
+
+def test_reports_name_the_vertical_of_camber(measured):
+    """Camber from gravity is not to be read as camber from the wheel centres."""
+    assert report_options("gravity").view.vertical == "gravity"
+    vertical = Vertical("gravity", np.array([0.0, 0.0, 1.0]), (), "")
+    found = Alignment(dataclasses.replace(measured.measurement, vertical=vertical))
+    for made in (found.text, found.html, found._repr_html_):
+        assert "gravity" in made()
+    assert "from gravity" not in measured.text()
+
+
+def test_a_comparison_gives_what_the_command_writes(
+    capture, measured, tmp_path, monkeypatch, capsys
+):
+    file, of_command = capture / "five-point.txt", tmp_path / "command"
+    words = ("validate", capture, "--five-point", file, "--json")
+    comparison = wp.validate(measured, file)
+    assert json.loads(comparison.json()) == json.loads(printed_by(monkeypatch, capsys, *words))
+    printed_by(monkeypatch, capsys, *words[:-1], "-o", of_command)
+    names = {path.name for path in comparison.save(tmp_path / "own")}
+    assert names == {path.name for path in of_command.iterdir()}
+    for name in names:
+        assert (tmp_path / "own" / name).read_text() == (of_command / name).read_text(), name
+    assert (of_command / "validation.txt").read_text() == comparison.text()
+    assert (of_command / "validation.html").read_text() == comparison.html()
+    assert comparison.html("pt") != comparison.html()
+
+
+def test_a_value_as_a_number_is_in_rad_or_m_and_as_text_has_its_unit(measured):
+    for name, shown in (("FL.toe", "deg"), ("wheelbase", "mm")):
+        value = measured[name]
+        assert float(value) == value.value
+        unit = {"deg": "°", "mm": "mm"}[shown]
+        assert f"{value:+.3f}" == f"{getattr(value, shown):+.3f} {unit}"
+        assert f"{value}" == str(value) == repr(value)
+    with pytest.raises(ValueError, match="format"):
+        f"{measured['FL.toe']:nonsense}"
