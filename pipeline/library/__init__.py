@@ -2,6 +2,7 @@
 
 from .alignment import Alignment, Covariance, Wheel
 from .comparison import Comparison, validate
+from .files import open_measurement, read_five_point
 from .measure_vehicle import measure
 from .single_scan import FoundTarget, Plane, find_planes, find_target, fit_plane
 from .value import Value
@@ -18,5 +19,7 @@ __all__ = [
     "find_target",
     "fit_plane",
     "measure",
+    "open_measurement",
+    "read_five_point",
     "validate",
 ]

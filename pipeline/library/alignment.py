@@ -33,6 +33,7 @@ from ..report.text.report import detailed_report, summary_table
 from ..report.write import ReportFiles, write_reports
 from ..vectors import Array
 from ..vehicle import Axis
+from .messages import in_library_words
 from .reporting import report_options
 from .value import Named, Value
 
@@ -277,7 +278,7 @@ def _wheel(result: WheelResult, values: Mapping[str, Value]) -> Wheel:
         seen.name,
         result.wheel,
         seen.status,
-        seen.reason,
+        in_library_words(seen.reason),
         result.compensated,
         None if result.pose is None else result.pose.centre_m,
         result.normal,

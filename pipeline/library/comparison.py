@@ -13,6 +13,7 @@ from ..report.validation import validation_html, validation_report, write_valida
 from ..report.write import ReportFiles
 from ..validation import Request, compare_with_points, points_of
 from .alignment import Alignment
+from .messages import library_errors
 from .reporting import report_options
 
 
@@ -49,6 +50,7 @@ class Comparison(validation.Comparison):
         return f"<Comparison of {methods}: {', '.join(self.names)}; {self.verdict}>"
 
 
+@library_errors
 def validate(alignment: Alignment, five_points: FivePointFile | str | Path) -> Comparison:
     """Compare a measurement from scans with five points on the same wheels, in the same order.
 

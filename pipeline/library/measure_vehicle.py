@@ -16,6 +16,7 @@ from ..measurement import VerticalKind
 from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS
 from .alignment import Alignment
+from .messages import library_errors
 from .scans import Settings, TargetName, as_config, as_scan, as_targets, check_one_of, is_path
 
 SOURCE = "points in memory"
@@ -42,6 +43,7 @@ CAPTURE_FILES = Unused("a capture", "state vehicle in its capture.toml")
 OPEN_CAPTURE = Unused("an open capture", "give it where the capture is opened")
 
 
+@library_errors
 def measure(
     scans: object,
     target: TargetName | None = None,

@@ -9,9 +9,11 @@ from ..report.format.language import load_translations
 from ..report.format.report_options import ReportOptions
 from ..report.format.view import AngleStyle, Convention, axis_by, read_view
 from ..vehicle import Axis
+from .messages import library_errors
 from .scans import check_one_of
 
 
+@library_errors
 def report_options(
     vertical: VerticalKind = "wheels",
     language: str = "en",

@@ -15,6 +15,7 @@ from ..plane import find_planes as planes_of
 from ..units import LengthUnit
 from ..vectors import Array
 from ..wheel import find_patch
+from .messages import library_errors
 from .scans import Settings, TargetName, as_config, as_scan, as_target
 
 
@@ -68,6 +69,7 @@ class FoundTarget:
         )
 
 
+@library_errors
 def fit_plane(points: object, *, length_unit: LengthUnit = "m") -> Plane:
     """Fit the least-squares plane to all points, none left out.
 
@@ -78,6 +80,7 @@ def fit_plane(points: object, *, length_unit: LengthUnit = "m") -> Plane:
     return _plane(plane_of_all(scan.points_m))
 
 
+@library_errors
 def find_planes(
     points: object, max_planes: int = 5, *, length_unit: LengthUnit = "m", seed: int = 0
 ) -> list[Plane]:
@@ -93,6 +96,7 @@ def find_planes(
     return [_plane(one) for one in planes_of(scan.points_m, max_planes, seed)]
 
 
+@library_errors
 def find_target(
     points: object,
     target: TargetName,

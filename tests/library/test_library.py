@@ -37,8 +37,8 @@ DISC = {"shape": "disc", "diameter": 0.25}  # as the capture states it
 PUBLIC = {
     "Alignment", "Comparison", "ConfigError", "Covariance", "FivePointFile", "FoundTarget",
     "InputError", "MissingDependencyError", "NotMeasuredError", "Plane", "Value", "Wheel",
-    "WheelplaneError", "find_planes", "find_target", "fit_plane", "measure", "read_five_point",
-    "validate",
+    "WheelplaneError", "find_planes", "find_target", "fit_plane", "measure", "open_measurement",
+    "read_five_point", "validate",
 }  # fmt: skip
 
 
