@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import pickle
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -88,6 +89,14 @@ def test_errors_keep_their_type_and_status():
         fail("no-target")
     assert caught.value.status == "no-target"
     assert (fail.__name__, fail.__doc__) == ("fail", "Fail.")
+
+
+@pytest.mark.parametrize(
+    "error", [wp.InputError("a: b"), wp.ConfigError("c"), wp.NotMeasuredError("no-plane", "d")]
+)
+def test_errors_come_back_from_another_process(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
 
 @pytest.mark.parametrize("form", ["memory", "capture"])
