@@ -35,11 +35,11 @@ from ..vectors import Array
 from ..vehicle import Axis
 from .messages import in_library_words
 from .reporting import report_options
-from .value import Named, Value
+from .value import EqualByFields, Named, Value
 
 
-@dataclass(frozen=True, repr=False)
-class Wheel:
+@dataclass(frozen=True, repr=False, eq=False)
+class Wheel(EqualByFields):
     """One reference wheel or trial; its angles raise NotMeasuredError where there are none.
 
     wheel: RR, RL, FR or FL. status: ok, or the kind of cause that `reason` explains. centre_m (3,)
@@ -87,8 +87,8 @@ class Wheel:
         return f"<Wheel {self.name}: {self.toe}; {self.camber}>"
 
 
-@dataclass(frozen=True, repr=False)
-class Covariance:
+@dataclass(frozen=True, repr=False, eq=False)
+class Covariance(EqualByFields):
     """Covariance of all angles (rad) and lengths (m): `covariance["FL.toe", "FR.toe"]`.
 
     names: (Q,). matrix: (Q, Q).

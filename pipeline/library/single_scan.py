@@ -17,10 +17,11 @@ from ..vectors import Array
 from ..wheel import find_patch
 from .messages import library_errors
 from .scans import Settings, TargetName, as_config, as_scan, as_target
+from .value import EqualByFields
 
 
-@dataclass(frozen=True, repr=False)
-class Plane:
+@dataclass(frozen=True, repr=False, eq=False)
+class Plane(EqualByFields):
     """Plane normal . x + offset = 0 of a cloud, metres.
 
     normal: (3,) unit, largest component positive. centroid_m: (3,) mean of its points. rms_m: of
@@ -43,8 +44,8 @@ class Plane:
         )
 
 
-@dataclass(frozen=True, repr=False)
-class FoundTarget:
+@dataclass(frozen=True, repr=False, eq=False)
+class FoundTarget(EqualByFields):
     """Target of one scan: its plane and centre, coordinates of the scan.
 
     centre_m: (3,). normal: (3,) unit, towards the scanner. covariance: (6, 6) of the normal (rad),

@@ -408,12 +408,13 @@ def test_results_are_copied_and_pickled_as_they_are(copied, clouds, measured, ca
     assert hash(again) == hash(measured)
     assert again.json() == measured.json()
     assert again.text() == measured.text()
-    assert dict(copied(measured.vehicle)) == dict(measured.vehicle)
-    assert repr(copied(measured.wheels)) == repr(measured.wheels)
-    assert copied(measured["FL.toe"]) == measured["FL.toe"]
-    assert np.array_equal(copied(measured.covariance).matrix, measured.covariance.matrix)
-    found = wp.find_target(clouds["FL"], DISC)
-    assert repr(copied(found)) == repr(found)
+    plane = fit_plane(clouds["FL"])
+    results = (
+        *(measured.vehicle, measured.wheels, measured.wheels["FL"], measured["FL.toe"]),
+        *(measured.covariance, plane, wp.find_target(clouds["FL"], DISC)),
+    )
+    for one in results:
+        assert copied(one) == one
     comparison = wp.validate(measured, capture / "five-point.txt")
     assert np.array_equal(copied(comparison).en, comparison.en)
 
@@ -422,6 +423,11 @@ def test_results_of_other_values_are_not_equal(capture, measured):
     assert wp.measure(capture) == measured
     assert wp.measure(wp.read_five_point(capture / "five-point.txt")) != measured
     assert measured != dict.fromkeys(measured)
+    assert measured.wheels["FL"] != measured.wheels["RL"]
+    plane = fit_plane(np.eye(3))
+    assert plane != dataclasses.replace(plane, normal=-plane.normal)
+    assert plane != dataclasses.replace(plane, points=4)
+    assert plane != measured.wheels["FL"]
 
 
 def test_results_by_name_cannot_be_changed(measured):
