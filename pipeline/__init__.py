@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from .errors import ConfigError, InputError, MissingDependencyError, NotMeasuredError
     from .errors import WheelplaneError as WheelplaneError
-    from .five_point import FivePointFile, read_five_point
+    from .five_point import FivePointFile
     from .library import (
         Alignment,
+        Comparison,
         Covariance,
         FoundTarget,
         Plane,
@@ -32,9 +33,10 @@ if TYPE_CHECKING:
         find_target,
         fit_plane,
         measure,
+        open_measurement,
+        read_five_point,
         validate,
     )
-    from .validation import Comparison
 
     __version__: str
 
@@ -56,13 +58,13 @@ __all__ = [
     "find_target",
     "fit_plane",
     "measure",
+    "open_measurement",
     "read_five_point",
     "validate",
 ]
 _ROOMS = {
     ".errors": {name for name in __all__ if name.endswith("Error")},
-    ".five_point": {"FivePointFile", "read_five_point"},
-    ".validation": {"Comparison"},
+    ".five_point": {"FivePointFile"},
 }
 
 

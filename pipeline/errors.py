@@ -63,6 +63,10 @@ class NotMeasuredError(WheelplaneError):
         super().__init__(reason)
         self.status = status
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what a copy is made of, as another process sends it."""
+        return type(self), (self.status, str(self))
+
 
 class TimeLimitError(BaseException):
     """End of the time; not an Exception, so that nothing takes it for a fault of one file."""

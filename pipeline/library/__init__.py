@@ -1,13 +1,15 @@
 """The library's public functions and their results; `import wheelplane` exports them."""
 
 from .alignment import Alignment, Covariance, Wheel
-from .comparison import validate
+from .comparison import Comparison, validate
+from .files import open_measurement, read_five_point
 from .measure_vehicle import measure
 from .single_scan import FoundTarget, Plane, find_planes, find_target, fit_plane
 from .value import Value
 
 __all__ = [
     "Alignment",
+    "Comparison",
     "Covariance",
     "FoundTarget",
     "Plane",
@@ -17,5 +19,7 @@ __all__ = [
     "find_target",
     "fit_plane",
     "measure",
+    "open_measurement",
+    "read_five_point",
     "validate",
 ]

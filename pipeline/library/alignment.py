@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ..errors import MissingDependencyError, NotMeasuredError
@@ -21,24 +20,26 @@ from ..measurement import (
     WHEEL_BY_SWEEP,
     Estimate,
     Measurement,
+    VerticalKind,
     WheelResult,
     stated,
     steering_quantity,
     turned_quantity,
 )
-from ..report.format.language import load_translations
-from ..report.format.report_options import ReportOptions
-from ..report.format.view import PAPER
+from ..report.format.view import AngleStyle, Convention
 from ..report.html.page import html_report
 from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report, summary_table
 from ..report.write import ReportFiles, write_reports
 from ..vectors import Array
-from .value import Value
+from ..vehicle import Axis
+from .messages import in_library_words
+from .reporting import report_options
+from .value import EqualByFields, Named, Value
 
 
-@dataclass(frozen=True, repr=False)
-class Wheel:
+@dataclass(frozen=True, repr=False, eq=False)
+class Wheel(EqualByFields):
     """One reference wheel or trial; its angles raise NotMeasuredError where there are none.
 
     wheel: RR, RL, FR or FL. status: ok, or the kind of cause that `reason` explains. centre_m (3,)
@@ -86,8 +87,8 @@ class Wheel:
         return f"<Wheel {self.name}: {self.toe}; {self.camber}>"
 
 
-@dataclass(frozen=True, repr=False)
-class Covariance:
+@dataclass(frozen=True, repr=False, eq=False)
+class Covariance(EqualByFields):
     """Covariance of all angles (rad) and lengths (m): `covariance["FL.toe", "FR.toe"]`.
 
     names: (Q,). matrix: (Q, Q).
@@ -112,10 +113,11 @@ class Covariance:
         return f"<Covariance of {len(self.names)} quantities, rad and m>"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Alignment(Mapping[str, Value]):
     """Alignment of one vehicle: a mapping of all quantities by name, such as `FL.toe`.
 
+    Two are equal when all their quantities are. It can be copied and pickled.
     measurement: the record with the evidence behind it.
     """
 
@@ -129,12 +131,12 @@ class Alignment(Mapping[str, Value]):
             for one in self.measurement.wheels
             if one.observation.role in ("reference", "trial")
         }
-        return MappingProxyType(made)
+        return Named(made)
 
     @cached_property
     def vehicle(self) -> Mapping[str, Value]:
         """Quantities of the vehicle: `rear_total_toe`, `thrust_angle`, `wheelbase` ..."""
-        return MappingProxyType({k: v for k, v in self._values.items() if "." not in k})
+        return Named({k: v for k, v in self._values.items() if "." not in k})
 
     @cached_property
     def covariance(self) -> Covariance:
@@ -164,10 +166,7 @@ class Alignment(Mapping[str, Value]):
         return len(self._values)
 
     def __hash__(self) -> int:
-        return id(self)
-
-    def __eq__(self, other: object) -> bool:
-        return self is other
+        return hash(tuple(self.values()))
 
     @cached_property
     def _values(self) -> dict[str, Value]:
@@ -190,20 +189,58 @@ class Alignment(Mapping[str, Value]):
         """Return measurement.json, the contract `wheelplane/measurement/1`."""
         return to_json(self.measurement)
 
-    def text(self) -> str:
-        """Return report.txt."""
-        return detailed_report(self.measurement)
+    def text(
+        self,
+        *,
+        axis: Axis | None = None,
+        angles: AngleStyle = "dms",
+        convention: Convention = "default",
+        rim: str | None = None,
+    ) -> str:
+        """Return report.txt.
 
-    def html(self, language: str = "en") -> str:
-        """Return report.html, one file that needs no network."""
-        return html_report(self.measurement, None, _options(language))
+        axis: longitudinal axis of toe, "rear-axle", "centreline", "thrust-line" or "side-bisector";
+        by default that of the convention. angles: "dms", "deg", "mm/m", or "mm" at a `rim` such as
+        "16in". convention: of signs, "default", "iso-8855" or "german-workshop". Raises InputError.
+        """
+        view = report_options(self._vertical, "en", axis, angles, convention, rim).view
+        return detailed_report(self.measurement, view=view)
 
-    def save(self, folder: str | Path, *, pdf: bool = False, language: str = "en") -> list[Path]:
-        """Write measurement.json and the reports to `folder`; return their paths."""
+    def html(
+        self,
+        language: str = "en",
+        *,
+        axis: Axis | None = None,
+        angles: AngleStyle = "dms",
+        convention: Convention = "default",
+        rim: str | None = None,
+    ) -> str:
+        """Return report.html, one file that needs no network; options as of `text`."""
+        options = report_options(self._vertical, language, axis, angles, convention, rim)
+        return html_report(self.measurement, None, options)
+
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        pdf: bool = False,
+        language: str = "en",
+        axis: Axis | None = None,
+        angles: AngleStyle = "dms",
+        convention: Convention = "default",
+        rim: str | None = None,
+    ) -> list[Path]:
+        """Write measurement.json and the reports to `folder`; return their paths.
+
+        Options as of `text`. Raises InputError, and MissingDependencyError of a PDF.
+        """
+        options = report_options(self._vertical, language, axis, angles, convention, rim)
         wanted = ReportFiles(pdf=pdf)
-        return write_reports(
-            self.measurement, Path(folder), options=_options(language), wanted=wanted
-        )
+        return write_reports(self.measurement, Path(folder), options=options, wanted=wanted)
+
+    @property
+    def _vertical(self) -> VerticalKind:
+        return self.measurement.vertical_kind
 
     def show(self) -> None:
         """Show the report: inline in a notebook, else in the browser."""
@@ -223,7 +260,8 @@ class Alignment(Mapping[str, Value]):
 
     def _repr_html_(self) -> str:
         notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
-        return f"<pre>{html.escape(summary_table(self.measurement))}</pre>{notes}"
+        table = summary_table(self.measurement, report_options(self._vertical).view)
+        return f"<pre>{html.escape(table)}</pre>{notes}"
 
     def __repr__(self) -> str:
         made = self.measurement.provenance
@@ -240,11 +278,11 @@ def _wheel(result: WheelResult, values: Mapping[str, Value]) -> Wheel:
         seen.name,
         result.wheel,
         seen.status,
-        seen.reason,
+        in_library_words(seen.reason),
         result.compensated,
         None if result.pose is None else result.pose.centre_m,
         result.normal,
-        MappingProxyType(own),
+        Named(own),
     )
 
 
@@ -266,10 +304,6 @@ def _turned(measurement: Measurement) -> Iterator[tuple[str, Value]]:
             known = one.source
             unit = UNITS.get(one.name, "rad")
             yield name, Value(name, unit, known.value, known.u, known.expanded, known.dof)
-
-
-def _options(language: str) -> ReportOptions:
-    return ReportOptions(load_translations(language), PAPER)
 
 
 def _framed(page: str) -> str:

@@ -15,11 +15,13 @@ from ..plane import find_planes as planes_of
 from ..units import LengthUnit
 from ..vectors import Array
 from ..wheel import find_patch
+from .messages import library_errors
 from .scans import Settings, TargetName, as_config, as_scan, as_target
+from .value import EqualByFields
 
 
-@dataclass(frozen=True, repr=False)
-class Plane:
+@dataclass(frozen=True, repr=False, eq=False)
+class Plane(EqualByFields):
     """Plane normal . x + offset = 0 of a cloud, metres.
 
     normal: (3,) unit, largest component positive. centroid_m: (3,) mean of its points. rms_m: of
@@ -42,8 +44,8 @@ class Plane:
         )
 
 
-@dataclass(frozen=True, repr=False)
-class FoundTarget:
+@dataclass(frozen=True, repr=False, eq=False)
+class FoundTarget(EqualByFields):
     """Target of one scan: its plane and centre, coordinates of the scan.
 
     centre_m: (3,). normal: (3,) unit, towards the scanner. covariance: (6, 6) of the normal (rad),
@@ -68,6 +70,7 @@ class FoundTarget:
         )
 
 
+@library_errors
 def fit_plane(points: object, *, length_unit: LengthUnit = "m") -> Plane:
     """Fit the least-squares plane to all points, none left out.
 
@@ -78,6 +81,7 @@ def fit_plane(points: object, *, length_unit: LengthUnit = "m") -> Plane:
     return _plane(plane_of_all(scan.points_m))
 
 
+@library_errors
 def find_planes(
     points: object, max_planes: int = 5, *, length_unit: LengthUnit = "m", seed: int = 0
 ) -> list[Plane]:
@@ -93,6 +97,7 @@ def find_planes(
     return [_plane(one) for one in planes_of(scan.points_m, max_planes, seed)]
 
 
+@library_errors
 def find_target(
     points: object,
     target: TargetName,

@@ -1,12 +1,55 @@
-"""Value of a quantity with its uncertainty, in the units that people use."""
+"""Value of a quantity with its uncertainty, in the units that people use; values by name."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+import numpy as np
 
 from ..report.format.digits import decimal
 from ..vehicle import Unit
+
+Item = TypeVar("Item")
+
+
+class EqualByFields:
+    """Equality of records whose fields may be arrays: type and all fields are equal."""
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        names = (one.name for one in fields(self))  # type: ignore[arg-type]
+        return all(_are_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+
+def _are_equal(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
+    return bool(one == other)
+
+
+class Named(Mapping[str, Item]):
+    """Read-only mapping by name; unlike a mappingproxy it can be copied and pickled."""
+
+    def __init__(self, held: Mapping[str, Item]) -> None:
+        self._held = dict(held)
+
+    def __getitem__(self, name: str) -> Item:
+        return self._held[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._held)
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    def __repr__(self) -> str:
+        return repr(self._held)
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,9 +104,18 @@ class Value:
 
     def _of(self, unit: Unit, number: float) -> float:
         if self.unit != unit:
-            kind, use = ("length", "mm") if self.unit == "m" else ("angle", "deg")
-            raise TypeError(f"{self.name} is a {kind}: use {use}")
+            kind, use = ("a length", "mm") if self.unit == "m" else ("an angle", "deg")
+            raise TypeError(f"{self.name} is {kind}: use {use}")
         return number
+
+    def __float__(self) -> float:
+        """Return `value`, rad or m."""
+        return self.value
+
+    def __format__(self, spec: str) -> str:
+        """Return the value in degrees or millimetres with that unit; all of it without a spec."""
+        value, _, _, unit = self.shown
+        return f"{value:{spec}} {unit}" if spec else str(self)
 
     @property
     def shown(self) -> tuple[float, float, float, str]:

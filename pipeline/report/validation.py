@@ -10,7 +10,7 @@ from .format.report_options import ReportOptions
 from .format.view import PAPER, View
 from .format.writer import Writer
 from .html.comparison import comparison_document, mountings_document, study_document
-from .html.document import Document
+from .html.document import Document, document_html
 from .json.validation import validation_json
 from .plots.validation import bland_altman_drawing, differences_drawing, line_drawing
 from .tables.comparison import labels
@@ -29,6 +29,13 @@ def validation_report(found: Validated, view: View = PAPER) -> str:
     else:
         text = survey_text(found, view)
     return text.encode(errors="backslashreplace").decode()
+
+
+def validation_html(found: Validated, options: ReportOptions) -> str:
+    """Return validation.html, one file that needs no network."""
+    writer = Writer(options.words, options.view)
+    document = _document(found, writer, validation_json(found))
+    return document_html(document, options.words, options.laboratory)
 
 
 def write_validation(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import json
+import pickle
 import re
 import subprocess
 import sys
@@ -11,17 +14,22 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import wheelplane as wp
 from tests.support.made import write_small_capture
+from wheelplane.capture import open_capture
 from wheelplane.cli import main
+from wheelplane.config import load_config
 from wheelplane.library.alignment import Alignment, Covariance
 from wheelplane.library.comparison import validate
 from wheelplane.library.measure_vehicle import measure
+from wheelplane.library.reporting import report_options
 from wheelplane.library.scans import as_config, as_scan, as_target, is_path
 from wheelplane.library.single_scan import find_planes, find_target, fit_plane
 from wheelplane.library.value import Value
+from wheelplane.measurement import Vertical
 from wheelplane.readers import read_scan
 
 WHEELS = ("RR", "RL", "FR", "FL")
@@ -29,8 +37,8 @@ DISC = {"shape": "disc", "diameter": 0.25}  # as the capture states it
 PUBLIC = {
     "Alignment", "Comparison", "ConfigError", "Covariance", "FivePointFile", "FoundTarget",
     "InputError", "MissingDependencyError", "NotMeasuredError", "Plane", "Value", "Wheel",
-    "WheelplaneError", "find_planes", "find_target", "fit_plane", "measure", "read_five_point",
-    "validate",
+    "WheelplaneError", "find_planes", "find_target", "fit_plane", "measure", "open_measurement",
+    "read_five_point", "validate",
 }  # fmt: skip
 
 
@@ -102,7 +110,10 @@ def test_a_capture_gives_what_the_command_gives(capture, measured, capsys, monke
     assert measured.vehicle["wheelbase"].mm == pytest.approx(1e3 * tree["frame"]["wheelbase_m"])
 
 
-@pytest.mark.parametrize("form", ["array", "rows last", "list", "open3d", "paths", "mm", "masked"])
+FORMS = ["array", "rows last", "list", "open3d", "paths", "mm", "masked", "frames"]
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_every_form_of_the_same_points_gives_the_same(form, capture, clouds, measured):
     """Bit for bit; in mm, to what dividing by 1000 costs."""
     given = dict(clouds)
@@ -121,6 +132,8 @@ def test_every_form_of_the_same_points_gives_the_same(form, capture, clouds, mea
         mask = np.zeros(rows.shape, dtype=bool)
         mask[5] = True
         given["FL"] = np.ma.MaskedArray(rows, mask)
+    elif form == "frames":
+        given = {w: pd.DataFrame(a[:, ::-1], columns=list("izyx")) for w, a in clouds.items()}
     before = {wheel: np.array(cloud, copy=True) for wheel, cloud in clouds.items()}
     found = wp.measure(given, DISC, length_unit="mm" if form == "mm" else "m")
     for wheel in WHEELS:
@@ -161,17 +174,24 @@ def test_covariance_and_values_are_those_of_the_measurement(measured):
     toe = measured.wheels["FL"].toe
     assert toe.U_deg == pytest.approx(toe.k * toe.u_deg)
     assert toe is measured["FL.toe"]
-    with pytest.raises(TypeError, match="is a angle"):
+    with pytest.raises(TypeError, match="is an angle: use deg"):
         _ = toe.mm
-    with pytest.raises(TypeError, match="a length"):
+    with pytest.raises(TypeError, match="is a length: use mm"):
         _ = measured["wheelbase"].deg
 
 
-def test_reprs_are_short_and_digits_follow_the_uncertainty(measured):
+def test_reprs_are_short_and_digits_follow_the_uncertainty(measured, capture):
     assert repr(
         Value("a", "rad", np.radians(0.123456), np.radians(0.001), np.radians(0.00196))
     ) == ("a = (+0.1235 ± 0.0020) °, k = 1.96")
-    for one in (measured, measured.covariance, measured.wheels["FL"], measured["FL.toe"]):
+    comparison = wp.validate(measured, capture / "five-point.txt")
+    for one in (
+        comparison,
+        measured,
+        measured.covariance,
+        measured.wheels["FL"],
+        measured["FL.toe"],
+    ):
         assert len(repr(one)) < 120
         assert "\n" not in repr(one)
 
@@ -331,3 +351,169 @@ def test_an_option_that_is_none_is_named(options, words):
     known = {"target": "disc-250"} | options
     with pytest.raises(wp.InputError, match=words):
         wp.measure(dict.fromkeys(("RR", "RL", "FR", "FL"), points), **known)
+
+
+@pytest.mark.parametrize(
+    ("argument", "says"),
+    [
+        ({"target": "disc-250"}, "target has no effect on five points: leave it out"),
+        ({"length_unit": "mm"}, "length_unit has no effect .*: give it to read_five_point"),
+        ({"length_unit": "m"}, "length_unit has no effect on five points"),
+        ({"scanner": "default"}, "scanner has no effect on five points"),
+        ({"config": load_config(None)}, "config has no effect on five points"),
+        ({"vertical": "floor"}, "vertical has .*: they show neither floor nor gravity"),
+        ({"vehicle": "own"}, "vehicle has no effect on five points"),
+    ],
+)
+def test_an_argument_without_effect_on_five_points_is_refused(capture, argument, says):
+    file = wp.read_five_point(capture / "five-point.txt")
+    with pytest.raises(wp.InputError, match=says):
+        wp.measure(file, **argument)
+
+
+def test_an_argument_without_effect_on_a_capture_is_refused(capture):
+    with pytest.raises(wp.InputError, match="vehicle has no effect on a capture: state vehicle in"):
+        wp.measure(capture, vehicle="own")
+    with open_capture(capture) as opened:
+        for argument in ({"vehicle": "own"}, {"target": "disc-250"}, {"length_unit": "m"}):
+            name = next(iter(argument))
+            with pytest.raises(wp.InputError, match=f"{name} has no effect on an open capture: "):
+                wp.measure(opened, **argument)
+
+
+@pytest.mark.parametrize(
+    ("names", "says"),
+    [
+        ((7, "7"), "two scans have the name '7': give each trial its own"),
+        (("7", 7), "two scans have the name '7'"),
+        (("",), "the trial '' has no name: give one"),
+        ((" ",), "the trial ' ' has no name"),
+    ],
+)
+def test_every_trial_has_a_name_of_its_own(names, says):
+    points = np.random.default_rng(0).random((100, 3))
+    with pytest.raises(wp.InputError, match=says):
+        wp.measure(dict.fromkeys((*WHEELS, *names), points), "disc-250")
+
+
+def pickled(found):
+    return pickle.loads(pickle.dumps(found))
+
+
+@pytest.mark.parametrize("copied", [pickled, copy.deepcopy, copy.copy])
+def test_results_are_copied_and_pickled_as_they_are(copied, clouds, measured, capture):
+    assert values(measured)  # of a result whose values were read before
+    again = copied(measured)
+    assert again == measured
+    assert hash(again) == hash(measured)
+    assert again.json() == measured.json()
+    assert again.text() == measured.text()
+    plane = fit_plane(clouds["FL"])
+    results = (
+        *(measured.vehicle, measured.wheels, measured.wheels["FL"], measured["FL.toe"]),
+        *(measured.covariance, plane, wp.find_target(clouds["FL"], DISC)),
+    )
+    for one in results:
+        assert copied(one) == one
+    comparison = wp.validate(measured, capture / "five-point.txt")
+    assert np.array_equal(copied(comparison).en, comparison.en)
+
+
+def test_results_of_other_values_are_not_equal(capture, measured):
+    assert wp.measure(capture) == measured
+    assert wp.measure(wp.read_five_point(capture / "five-point.txt")) != measured
+    assert measured != dict.fromkeys(measured)
+    assert measured.wheels["FL"] != measured.wheels["RL"]
+    plane = fit_plane(np.eye(3))
+    assert plane != dataclasses.replace(plane, normal=-plane.normal)
+    assert plane != dataclasses.replace(plane, points=4)
+    assert plane != measured.wheels["FL"]
+
+
+def test_results_by_name_cannot_be_changed(measured):
+    for held in (measured.wheels, measured.vehicle):
+        with pytest.raises(TypeError, match="does not support item assignment"):
+            held["FL"] = None
+
+
+def printed_by(monkeypatch, capsys, *words: object) -> str:
+    monkeypatch.setattr(sys, "argv", ["wheelplane", *map(str, words)])
+    with pytest.raises(SystemExit):
+        main()
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        {"angles": "deg"},
+        {"axis": "thrust-line", "angles": "mm/m"},
+        {"convention": "iso-8855"},
+        {"convention": "german-workshop", "axis": "rear-axle"},
+        {"angles": "mm", "rim": "16in"},
+    ],
+)
+def test_reports_are_those_of_the_command_with_the_same_options(
+    look, capture, measured, tmp_path, monkeypatch, capsys
+):
+    options = [word for name, value in look.items() for word in (f"--{name}", value)]
+    own, of_command = tmp_path / "own", tmp_path / "command"
+    printed_by(monkeypatch, capsys, "measure", capture, "-o", of_command, *options)
+    measured.save(own, **look)
+    for name in ("report.txt", "report.html", "measurement.json"):
+        assert (own / name).read_text() == (of_command / name).read_text(), name
+    assert measured.text(**look) == (own / "report.txt").read_text() != measured.text()
+    assert measured.html(**look) == (own / "report.html").read_text() != measured.html()
+
+
+@pytest.mark.parametrize(
+    ("look", "says"),
+    [
+        ({"axis": "x"}, "axis 'x' is unknown: give rear-axle, centreline, thrust-line, side-b"),
+        ({"angles": "x"}, "angles 'x' is unknown: give dms, deg, mm/m, mm"),
+        ({"convention": "x"}, "convention 'x' is unknown: give default, iso-8855, german-workshop"),
+        ({"language": "x"}, "language 'x': known are en, pt"),
+        ({"angles": "mm"}, "rim's diameter"),
+    ],
+)
+def test_choices_of_a_report_are_listed(look, says):
+    with pytest.raises(wp.InputError, match=says):
+        report_options(**look)
+
+
+def test_reports_name_the_vertical_of_camber(measured):
+    """Camber from gravity is not to be read as camber from the wheel centres."""
+    assert report_options("gravity").view.vertical == "gravity"
+    vertical = Vertical("gravity", np.array([0.0, 0.0, 1.0]), (), "")
+    found = Alignment(dataclasses.replace(measured.measurement, vertical=vertical))
+    for made in (found.text, found.html, found._repr_html_):
+        assert "gravity" in made()
+    assert "from gravity" not in measured.text()
+
+
+def test_a_comparison_gives_what_the_command_writes(
+    capture, measured, tmp_path, monkeypatch, capsys
+):
+    file, of_command = capture / "five-point.txt", tmp_path / "command"
+    words = ("validate", capture, "--five-point", file, "--json")
+    comparison = wp.validate(measured, file)
+    assert json.loads(comparison.json()) == json.loads(printed_by(monkeypatch, capsys, *words))
+    printed_by(monkeypatch, capsys, *words[:-1], "-o", of_command)
+    names = {path.name for path in comparison.save(tmp_path / "own")}
+    assert names == {path.name for path in of_command.iterdir()}
+    for name in names:
+        assert (tmp_path / "own" / name).read_text() == (of_command / name).read_text(), name
+    assert (of_command / "validation.txt").read_text() == comparison.text()
+    assert (of_command / "validation.html").read_text() == comparison.html()
+    assert comparison.html("pt") != comparison.html()
+
+
+def test_a_value_as_a_number_is_in_rad_or_m_and_as_text_has_its_unit(measured):
+    for name, shown in (("FL.toe", "deg"), ("wheelbase", "mm")):
+        value = measured[name]
+        assert float(value) == value.value
+        unit = {"deg": "°", "mm": "mm"}[shown]
+        assert f"{value:+.3f}" == f"{getattr(value, shown):+.3f} {unit}"
+        assert f"{value}" == str(value) == repr(value)
+    with pytest.raises(ValueError, match="format"):
+        f"{measured['FL.toe']:nonsense}"

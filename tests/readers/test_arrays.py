@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import open3d
+import pandas as pd
 import pytest
 import trimesh
 
@@ -50,6 +51,60 @@ def test_points_of_any_holder_are_copied_once(given, wanted):
         assert not np.shares_memory(scan.points_m, given)
 
 
+SHADE = np.random.default_rng(2).uniform(size=len(POINTS)).astype(np.float32)
+
+
+def frame(names: str, *columns: np.ndarray) -> pd.DataFrame:
+    return pd.DataFrame(np.column_stack(columns), columns=names.split())
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        frame("x y z intensity", POINTS, SHADE),
+        frame("I Z Y X", SHADE, POINTS[:, ::-1]),
+        frame("id X y Z nx reflectance", np.arange(50), POINTS, SHADE, SHADE),
+        frame("northing easting elevation i", POINTS[:, [1, 0, 2]], SHADE),
+        frame("z x y label i", POINTS[:, [2, 0, 1]], SHADE, SHADE).astype({"label": str}),
+        np.rec.fromarrays([SHADE, *POINTS.T[::-1]], names="intensity,z,y,x"),
+        np.rec.fromarrays([*POINTS.T[::-1], SHADE], names="z,y,x,i").reshape(5, 10),
+    ],
+)
+def test_named_columns_are_found_by_name_in_any_order(given):
+    scan = scan_of_points(given)
+    assert np.array_equal(scan.points_m, POINTS)
+    assert np.array_equal(scan.intensity, SHADE)
+
+
+def test_columns_that_are_only_counted_are_x_y_z_and_those_without_intensity_have_none():
+    class Counted(SimpleNamespace):
+        def __array__(self, dtype=None, copy=None):
+            return POINTS
+
+    polars = Counted(columns=["column_0", "column_1", "column_2"])
+    for given in (pd.DataFrame(POINTS), polars, frame("z y x", POINTS[:, ::-1])):
+        scan = scan_of_points(given)
+        assert np.array_equal(scan.points_m, POINTS)
+        assert scan.intensity is None
+
+
+def test_named_columns_keep_masks_gaps_and_units():
+    masked = np.ma.MaskedArray(
+        np.rec.fromarrays(POINTS.T, names="x,y,z"), [tuple(row) for row in MASK]
+    )
+    gaps = frame("x y z", POINTS).convert_dtypes()
+    gaps.loc[3, "y"] = pd.NA
+    for given in (masked, gaps):
+        assert np.array_equal(scan_of_points(given).points_m, np.delete(POINTS, 3, axis=0))
+    in_mm = scan_of_points(frame("x_mm y_mm z_mm", POINTS), "mm")
+    assert np.array_equal(in_mm.points_m, scan_of_points(POINTS, "mm").points_m)
+
+
+def test_three_points_are_rows():
+    """The shape (3, 3) fits rows and their transpose: rows are the first of the two forms."""
+    assert np.array_equal(scan_of_points(POINTS[:3]).points_m, POINTS[:3])
+
+
 def test_a_fourth_column_is_the_intensity_and_blocks_join():
     rows = np.random.default_rng(1).normal(size=(2 * BLOCK_ROWS + 7, 4))
     rows[BLOCK_ROWS, 2] = np.nan
@@ -89,7 +144,14 @@ def test_a_cloud_without_points_of_another_library_is_no_cloud():
         (np.full((4, 3), np.nan), "all its 4 points are invalid"),
         (np.full((4, 3), 3e11), "beyond any site"),
         (np.zeros((0, 3)), "0 points"),
-        (INDEXED, "counts the rows"),
+        (INDEXED, "counts the rows.*: give a data frame with the columns -,x,y,z or"),
+        (np.zeros((3, 4)), r"shape \(3, 4\) may be three points .*: give \(N, 3\)"),
+        (frame("a b c", POINTS), "x is missing among the columns a, b, c: name the columns"),
+        (frame("x y x", POINTS), "x is there 2 times among the columns x, y, x: "),
+        (pd.DataFrame(POINTS)[[2, 1, 0]], "x is missing among the columns 2, 1, 0: "),
+        (frame("x y z", POINTS).astype({"y": str}), "the column y is of the type .*: give numbers"),
+        (frame("x_mm y_mm z_mm", POINTS), 'state mm, but m is .*: give length_unit="mm"$'),
+        (frame("x_cm y_cm z_cm", POINTS), "state cm, but m is .*: give them in m, mm, in$"),
     ],
 )
 def test_what_is_no_cloud_is_one_clear_line(points, says):

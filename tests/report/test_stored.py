@@ -129,3 +129,34 @@ def test_what_is_no_measurement_is_refused_in_one_line(tmp_path, change, fact):
     assert str(refused.value).startswith("mine.json: ")
     assert fact in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "fact"),
+    [
+        (lambda tree: tree["wheels"][0].update(toe_deg=5.0), "RR: toe_deg is 5, but -0.32798 by"),
+        (lambda tree: tree["wheels"][3].update(u_camber_deg=1e-3), "FL: u_camber_deg is 0.001, b"),
+        (lambda tree: tree["vehicle"].update(thrust_angle_deg=0.37), "vehicle: thrust_angle_deg"),
+        (lambda tree: tree["uncertainty"][0].update(value=-0.33), "uncertainty of RR.toe: value"),
+        (
+            lambda tree: tree["poses"]["evaluated"]["wheels"][0].update(centre_m=[95.3, 97.9, 51]),
+            "RR: toe_deg is -0.32798, but ",
+        ),
+    ],
+)
+def test_a_value_that_contradicts_the_poses_is_refused(tmp_path, change, fact):
+    path = tmp_path / "measurement.json"
+    tree = json.loads(to_json(measure_five_point(read_five_point(PAPER))))
+    read_measurement(write_tree(path, tree), "mine.json")
+    change(tree)
+    with pytest.raises(InputError) as refused:
+        read_measurement(write_tree(path, tree), "mine.json")
+    message = str(refused.value)
+    assert message.startswith("mine.json: ")
+    assert fact in message
+    assert message.endswith(" by its poses): measure that capture again")
+
+
+def write_tree(path: Path, tree: dict) -> Path:
+    path.write_text(json.dumps(tree))
+    return path

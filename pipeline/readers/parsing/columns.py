@@ -113,8 +113,10 @@ def unnamed_layout(columns: int, with_intensity: Sequence[int] = (4,)) -> Layout
     return Layout((0, 1, 2), 3 if columns in with_intensity else None)
 
 
-def check_unnamed(table: Array, source: Source) -> None:
+def check_unnamed(table: Array, source: Source, by: str = "--columns") -> None:
     """Raise InputError where the first of the columns (N, C) without names seem to be no x y z.
+
+    by: what names columns, for the message.
 
     Row and column of the scanner's raster are two whole numbers before three that are not, or
     they count up; an index counts up from row to row.
@@ -127,21 +129,21 @@ def check_unnamed(table: Array, source: Source) -> None:
         whole = np.all(table == np.rint(table), axis=0)  # False where a number is missing
         steps = np.diff(table, axis=0)
     if whole[0] and np.all(steps[:, 0] == 1.0) and not np.all(steps[:, 1] == 1.0):
-        raise _unnamed(source, "its first column counts the rows", ["-"], columns)
+        raise _unnamed(source, "its first column counts the rows", ["-"], columns, by)
     if whole[0] and not whole[1:4].any() and np.all(steps[:, 0] > 0.0):
-        raise _unnamed(source, "its first column is a rising whole number", ["-"], columns)
+        raise _unnamed(source, "its first column is a rising whole number", ["-"], columns, by)
     if columns < 5 or not (whole[0] and whole[1]) or (table[:, :2] < 0.0).any():
         return
     counts = any(np.mean((steps[:, k] == 1.0) & (steps[:, 1 - k] == 0.0)) > 0.5 for k in (0, 1))
     if counts or not whole[2:5].any():
         first_two = "its first two columns are whole numbers, as of a raster"
-        raise _unnamed(source, first_two, ["row", "col"], columns)
+        raise _unnamed(source, first_two, ["row", "col"], columns, by)
 
 
-def _unnamed(source: Source, fact: str, first: list[str], columns: int) -> InputError:
+def _unnamed(source: Source, fact: str, first: list[str], columns: int, by: str) -> InputError:
     found, plain = (
         ",".join([*names, *["-"] * (columns - len(names))])
         for names in ([*first, "x", "y", "z"], ["x", "y", "z"])
     )
-    action = f"give --columns {found} or, if they are coordinates, --columns {plain}"
+    action = f"give {by} {found} or, if they are coordinates, {by} {plain}"
     return fault(source, f"{fact}, and no column has a name", action)

@@ -33,6 +33,7 @@ from ...measurement import (
 from ...uncertainty import MonteCarlo, UncertaintyComponent
 from ...vectors import Array
 from ..format.earlier import SCHEMA, read_tree
+from .stated_values import check_stated_values
 
 RECORD, HEAD_BYTES = "measurement.json", 200
 
@@ -57,7 +58,8 @@ def record_of(source: Path) -> Path | None:
 def read_measurement(path: Path, name: str) -> tuple[Measurement, Conformity | None]:
     """Read measurement.json, and assess it by its tolerance again.
 
-    Raises InputError that names the file `name` and the fact.
+    Raises InputError that names the file `name` and the fact, such as a stated angle that is not
+    the one of the poses.
     """
     tree, _ = read_tree(path, name)
     if tree.get("frame") is None:
@@ -87,6 +89,7 @@ def _measurement(tree: Tree) -> tuple[Measurement, Conformity | None]:
     targets = [one.fitted for one in observations if one.evidence is not None]
     found = evaluate(observations, targets, _provenance(tree), _notes(tree), used)
     found = solve(replace(found, verticals=verticals))
+    check_stated_values(tree, found)
     found = replace(found, monte_carlo=_monte_carlo(tree["monte_carlo"], found))
     limits = tree["provenance"]["config"].get("tolerance")
     return found, assess(found, tolerance_of(limits, "tolerance")) if limits else None
