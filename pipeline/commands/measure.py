@@ -12,7 +12,7 @@ from ..config import load_config, with_scanner
 from ..errors import InputError
 from ..measure import measure_capture
 from ..measurement import VerticalKind, assess, check_by_monte_carlo, conforms, tolerance_for
-from ..report.format.earlier import check_same_vehicle, check_same_vertical
+from ..report.format.earlier import check_comparable, check_same_vehicle, check_same_vertical
 from ..report.format.view import AngleStyle, Convention, DigitStyle, read_view
 from ..report.write import ReportFiles, write_reports
 from ..units import LengthUnit
@@ -151,6 +151,8 @@ def measure(
         model, name = opened.vehicle_model, str(capture)
         limits = None if tolerance is None else tolerance_for(tolerance, model, name)
         measurement = measure_capture(opened, settings, progress, vertical=vertical)
+    if options.before:
+        check_comparable(options.before, measurement)
     if max_draws:
         measurement = check_by_monte_carlo(measurement, max_draws, settings.seed)
     conformity = assess(measurement, limits) if limits else None

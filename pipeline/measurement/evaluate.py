@@ -106,11 +106,12 @@ def _frame_of(
 ) -> tuple[Array, VehicleFrame]:
     """Return the centres (4, 3) of the reference wheels and their frame. Raises InputError."""
     centres = np.stack([observation.fitted.centre_m for observation in observations[:4]])
-    check_wheels(centres, REFERENCE_WHEELS, provenance.source)
     try:
-        return centres, build_reference_frame(centres)
+        frame = build_reference_frame(centres)
     except InputError as error:
         raise InputError(f"{provenance.source}: {error}") from error
+    check_wheels(centres, REFERENCE_WHEELS, provenance.source)
+    return centres, frame
 
 
 def _note_of_size(frame: VehicleFrame, centres: Array) -> list[Wording]:

@@ -21,7 +21,7 @@ from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.tolerance import ToleranceInterval
 from wheelplane.measurement.tolerance.model import Tolerance
-from wheelplane.report.format.earlier import check_same_vehicle, read_earlier
+from wheelplane.report.format.earlier import check_comparable, check_same_vehicle, read_earlier
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER, View
 from wheelplane.report.format.writer import NONE, Writer
@@ -288,3 +288,33 @@ def test_another_vehicle_is_refused(before):
     check_same_vehicle(replace(before, vehicle=None), "CC-11-DD", "capture")
     with pytest.raises(InputError, match=r"'AA-00-BB', capture of 'CC-11-DD'"):
         check_same_vehicle(named, "CC-11-DD", "capture")
+
+
+def test_what_shows_no_change_is_refused(before, turned):
+    """Later ones, and angles of the axle against those of the target as mounted."""
+    made = replace(turned.provenance, date="2026-11-20", vehicle="mine")
+    now, known = replace(turned, provenance=made), before
+    assert known.compensated == {w.observation.name for w in turned.wheels if w.compensated}
+    known = replace(known, compensated=frozenset({"RR"}))
+    rolled_wheel = replace(turned.wheels[0], compensated=True)
+    now = replace(now, wheels=(rolled_wheel, *turned.wheels[1:]))
+    check_comparable(known, now)
+    check_comparable(replace(known, date=None), now)
+    for changed, says in (
+        ({"date": "2999-01-01"}, "2999-01-01, after .* of 2026-11-20: exchange"),
+        ({"compensated": frozenset({"RR", "FL"})}, "of FL are .* before, .* mounted after"),
+        ({"compensated": frozenset()}, "of RR are .* run-out, after, .* mounted before"),
+        ({"vertical": "gravity"}, "--vertical gravity"),
+        ({"vehicle": "another"}, "of the vehicle 'another'"),
+    ):
+        with pytest.raises(InputError, match=says):
+            check_comparable(replace(known, **changed), now)
+
+
+def test_changes_by_the_same_scans_are_called_so(before, turned):
+    """U of a change is that of two independent measurements."""
+    scans = {"rr.ply": "1", "rl.ply": "2"}
+    now = replace(turned, provenance=replace(turned.provenance, inputs=scans))
+    for inputs, same in ((frozenset("12"), True), (frozenset("13"), False), (frozenset(), False)):
+        table = changes_table(now, replace(before, inputs=inputs), WRITER)
+        assert ("same scans" in table.caption) == same

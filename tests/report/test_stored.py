@@ -135,7 +135,6 @@ def test_what_is_no_measurement_is_refused_in_one_line(tmp_path, change, fact):
     ("change", "fact"),
     [
         (lambda tree: tree["wheels"][0].update(toe_deg=5.0), "RR: toe_deg is 5, but -0.32798 by"),
-        (lambda tree: tree["wheels"][3].update(u_camber_deg=1e-3), "FL: u_camber_deg is 0.001, b"),
         (lambda tree: tree["vehicle"].update(thrust_angle_deg=0.37), "vehicle: thrust_angle_deg"),
         (lambda tree: tree["uncertainty"][0].update(value=-0.33), "uncertainty of RR.toe: value"),
         (

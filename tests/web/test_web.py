@@ -438,6 +438,11 @@ def test_an_archive_is_browsed(site, results):
     assert one["record"] == f"measurements/{page['keys'][3][:2]}/{page['keys'][3]}.json"
     assert [name for _, name in one["before"]] == ["2026-01-01 2026/car-00"]
     asked = f"/api/archive/changes/0/results?key={page['keys'][3]}&before={one['before'][0][0]}"
+    assert "toe_deg is -0.29798, but -0.32798 by its poses" in site.get(asked).json["error"]
+    record = results / one["record"]
+    tree = json.loads(record.read_text())
+    tree["wheels"][0]["toe_deg"] -= 0.03
+    record.write_text(json.dumps(tree))
     assert site.get(asked).json["table"]["rows"]
     (lost,) = site.get("/api/archive/captures/0/results?status=failed").json["keys"]
     none = site.get(f"/api/archive/capture/0/results?key={lost}").json

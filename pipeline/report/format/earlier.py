@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, fact_of, remedy_of
+from ...measurement import Measurement
 
 SCHEMA = "wheelplane/measurement/1"
 SCALE = {"deg": math.radians(1.0), "m": 1.0}
@@ -33,7 +34,10 @@ class Known:
 
 @dataclass(frozen=True)
 class Earlier:
-    """Content of measurement.json, by name: `RR.toe`, `thrust_angle`, `FL.caster`."""
+    """Content of measurement.json, by name: `RR.toe`, `thrust_angle`, `FL.caster`.
+
+    compensated: wheels whose angles are free of run-out. inputs: SHA-256 of the scans.
+    """
 
     source: str
     sha256: str
@@ -42,6 +46,8 @@ class Earlier:
     date: str | None
     values: Mapping[str, Known]
     vertical: str = "wheels"
+    compensated: frozenset[str] = frozenset()
+    inputs: frozenset[str] = frozenset()
 
 
 def read_tree(path: Path, name: str) -> tuple[dict[str, Any], bytes]:
@@ -73,6 +79,10 @@ def read_earlier(path: Path) -> Earlier:
             date=tree["date"],
             values=dict(_values(tree)),
             vertical=tree.get("vertical_in_use", "wheels"),
+            compensated=frozenset(
+                w["name"] for w in tree.get("wheels", ()) if w.get("compensated")
+            ),
+            inputs=frozenset(tree.get("provenance", {}).get("inputs", {}).values()),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
@@ -96,6 +106,27 @@ def check_same_vehicle(earlier: Earlier, vehicle: str | None, source: str) -> No
         raise InputError(
             f"{earlier.source}: is of the vehicle {earlier.vehicle!r}, {source} of {vehicle!r}: "
             "give an earlier measurement of the same vehicle"
+        )
+
+
+def check_comparable(earlier: Earlier, measurement: Measurement) -> None:
+    """Raise InputError where the values of the two do not show what has changed since."""
+    made = measurement.provenance
+    check_same_vehicle(earlier, made.vehicle, made.source)
+    check_same_vertical(earlier, measurement.vertical_kind)
+    if earlier.date and made.date and earlier.date[:10] > made.date[:10]:
+        raise InputError(
+            f"{earlier.source}: is of {earlier.date}, after {made.source} of {made.date}: exchange "
+            "the two, or give another earlier measurement"
+        )
+    now = {one.observation.name for one in measurement.wheels if one.compensated}
+    unlike = sorted({"RR", "RL", "FR", "FL"} & (now ^ earlier.compensated))
+    if unlike:
+        free, mounted = ("after", "before") if set(unlike) & now else ("before", "after")
+        raise InputError(
+            f"{earlier.source}: the angles of {', '.join(unlike)} are those of the axle, free of "
+            f"run-out, {free}, and those of the target as mounted {mounted}: measure both with "
+            "run-outs, or both without"
         )
 
 

@@ -115,7 +115,9 @@ def changes_table(measurement: Measurement, before: Earlier, writer: Writer) -> 
     ]
     columns = ("", words("vehicle.quantity"), words("front.before"), "U", words("front.now"), "U",
                words("front.change"), "U")  # fmt: skip
-    return writer.table(columns, rows, 2, words("front.changes"))
+    same = before.inputs and before.inputs == set(measurement.provenance.inputs.values())
+    caption = words("front.changes_of_same" if same else "front.changes")
+    return writer.table(columns, rows, 2, caption)
 
 
 def _axle(

@@ -10,8 +10,7 @@ from ...errors import InputError
 from ...measurement import Measurement
 from ...report.format.earlier import (
     Earlier,
-    check_same_vehicle,
-    check_same_vertical,
+    check_comparable,
     read_earlier,
 )
 from ...report.format.language import Translations
@@ -42,6 +41,5 @@ def earlier_of(measurement: Measurement, path: Path, name: str) -> Earlier:
         earlier = replace(read_earlier(path), source=name)
     except InputError as error:
         raise InputError(str(error).replace(str(path), name)) from error
-    check_same_vehicle(earlier, measurement.provenance.vehicle, measurement.provenance.source)
-    check_same_vertical(earlier, measurement.vertical_kind)
+    check_comparable(earlier, measurement)
     return earlier
