@@ -74,7 +74,7 @@ ZERO = {
     ("rear_setback", "rear-axle"),
     ("axle_offset", "centreline"),
 }
-# Zero except for (track difference)(wheelbase difference), hundredths of a millimetre: its
+# Zero except for (track difference)(wheelbase difference): 0.2 mm of 0.1 m and 20 mm. Its
 # derivatives nearly vanish, so that no first-order uncertainty describes it.
 OF_SECOND_ORDER = {("axle_offset", "side-bisector")}
 

@@ -481,6 +481,8 @@ def test_the_command_shows_the_axis_and_the_unit_that_it_was_asked_for(wheelplan
     assert summary_table(measured, view) in out
     assert vehicle_lines(measured, view) in out
     assert line(out, "front axle offset")[1] == "zero by this axis"
+    bisected = wheelplane("five-point", FIGURE_4, "--axis", "side-bisector")[1]
+    assert line(bisected, "front axle offset")[1] == "nearly zero by this axis"
     tree = json.loads(wheelplane("five-point", FIGURE_4, *options, "--json")[1])
     assert tree["axis_in_use"] == "centreline"
     assert tree["wheels"][0]["toe_deg"] == math.degrees(measured.wheels[0].angles.toe_rad)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ...measurement import Measurement, Stated, against, by_name, stated, workshop_angles
-from ...vehicle import AXES, VEHICLE, named
+from ...vehicle import AXES, OF_SECOND_ORDER, VEHICLE, named
 from ..format.digits import UNKNOWN, millimetres
 from ..format.language import Translations
 from ..format.writer import Column, Columns, Table, Writer
@@ -65,7 +65,9 @@ def _row(known: Mapping[str, Stated], kind: str, writer: Writer) -> list[str]:
     if writer.sign(kind):
         label += f", {writer.sign(kind)}"
     if found is None:
-        return [label, words("vehicle.by_definition"), writer.none, writer.none]
+        nearly = (kind, writer.view.axis) in OF_SECOND_ORDER
+        text = words("vehicle.nearly" if nearly else "vehicle.by_definition")
+        return [label, text, writer.none, writer.none]
     signed = kind in SIGNED
     expanded = writer.view.known(found.expanded)
     text = in_words(kind, found.value, words, expanded) if signed else writer.value(found)
