@@ -40,6 +40,7 @@ from wheelplane.config import Config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
 from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.notes import joined_notes_in
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.format.writer import Writer
 from wheelplane.targets import read_targets
@@ -175,7 +176,9 @@ def test_doubts_stand_in_the_row_of_a_capture(tmp_path):
     assert (rows["car.txt"].status, rows["sound.txt"].reason) == ("ok", "")
     assert note.startswith("The frame's up points against z of the file")
     assert said.count(note) == 1
-    assert f"car.txt: {note}" in [part for part in page.parts if isinstance(part, str)]
+    translated = joined_notes_in(note, writer.words)
+    assert translated != note
+    assert f"car.txt: {translated}" in [part for part in page.parts if isinstance(part, str)]
 
 
 def test_a_full_disk_and_too_little_memory_are_no_facts_of_a_capture(tmp_path, monkeypatch):

@@ -44,7 +44,8 @@ def test_the_edges_with_a_background_place_what_is_left_of_a_plate(cut, seed):
     cloud, fitted = fitted_to(SCENE.but(keep=CUTS[cut]), seed)
     assert fitted.method == "rim"
     assert off_in_u(cloud, fitted) < 4.0
-    assert np.trace(fitted.centre_covariance_m2) < 2.0 * 1e-4**2
+    # By the sides that show no background, half a width that is known to 0.1 mm.
+    assert np.trace(fitted.centre_covariance_m2) < 2.5 * 1e-4**2
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -394,26 +394,34 @@ def spread(
 
 
 def stretched(
-    linear: Equations, outline: Outline, prior: Prior
+    linear: Equations, outline: Outline, prior: Prior, state: Array
 ) -> tuple[Equations, Prior, Array] | None:
-    """Return equations and prior with one more parameter, and the step (13,) that it takes.
+    """Return equations and prior with one more parameter, and the state (13,) after a step.
 
     By how much the sides across u lie farther out than stated, and those across v farther in: a
     wrong width moves them as a thicker wall and another centre do. Its score at the solution
-    without it shows what it explains of that. None of a round outline.
+    without it shows what it explains of that. Half the width and half the height are known to
+    SIZE_M each: their mean, the growth, and half of what they differ by to SIZE_M over sqrt(2).
+    None of a round outline.
     """
     way = outline.stretch(linear.share)
     if way is None:
         return None
     slopes = np.column_stack([linear.slopes, way * linear.slopes[:, GROWTH]])
     linear = replace(linear, slopes=slopes)
-    prior = Prior(np.append(prior.mean, 0.0), np.append(prior.weight, SIZE_M**-2))
+    known = 2.0 / SIZE_M**2
+    more = max(known - prior.weight[GROWTH], 0.0) if prior.weight[GROWTH] > 0.5 / SIZE_M**2 else 0.0
+    weight = np.append(prior.weight, known)
+    weight[GROWTH] += more
+    prior = Prior(np.append(prior.mean, 0.0), weight)
     own, cross = linear.by_zone(linear.weight)
-    left, known = linear.eliminated(own, cross, prior)
-    information = (left.T * linear.weight) @ left + known
-    inverse = _inverse((left.T * linear.change) @ left + known, information)
-    score = left[:, -1] @ (linear.weight * linear.residual_m)
-    return linear, prior, np.asarray(inverse[:, -1] * score)
+    left, before = linear.eliminated(own, cross, prior)
+    information = (left.T * linear.weight) @ left + before
+    score = np.zeros(len(weight))
+    score[GROWTH] = -more * state[GROWTH]
+    score[-1] = left[:, -1] @ (linear.weight * linear.residual_m)
+    moved = _inverse((left.T * linear.change) @ left + before, information) @ score
+    return linear, prior, np.append(state, 0.0) + moved
 
 
 def _variance(linear: Equations, dof: float) -> float:

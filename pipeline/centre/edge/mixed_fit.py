@@ -89,7 +89,8 @@ def fit_mixed(
     stretched = as_stretched(fitted, found, problem)
     if thickness_m is None:
         return stretched
-    fitted, stretched = (_pulled(one, problem.prior) for one in (fitted, stretched))
+    pull = _pulls(fitted, problem.prior)[EDGE.index(THICKNESS)]
+    fitted, stretched = (replace(one, thickness_pull=pull) for one in (fitted, stretched))
     tension = _tension(fitted, problem.prior)
     if not problem.few and (tension < TENSE or _is_wider(stretched, problem.prior)):
         return stretched
@@ -107,11 +108,6 @@ def fit_mixed(
     if chosen.by_thickness_m is None:
         return chosen
     return replace(stretched, by_thickness_m=chosen.by_thickness_m)
-
-
-def _pulled(fitted: EdgeFit, prior: Prior) -> EdgeFit:
-    """Return a fit with the pull on its thickness."""
-    return replace(fitted, thickness_pull=_pulls(fitted, prior)[EDGE.index(THICKNESS)])
 
 
 def _is_wider(fitted: EdgeFit, prior: Prior) -> bool:

@@ -160,13 +160,11 @@ def as_stretched(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> Edge
 
     Itself where the outline is round, or the solution did not converge.
     """
-    more = stretched(found.equations, problem.outline, problem.prior)
+    more = stretched(found.equations, problem.outline, problem.prior, found.state)
     if more is None or not fitted.converged:
         return fitted
-    linear, prior, moved = more
-    return replace(
-        fitted, **_estimates(np.append(found.state, 0.0) + moved, linear, problem, prior)
-    )
+    linear, prior, state = more
+    return replace(fitted, **_estimates(state, linear, problem, prior))
 
 
 def _estimates(
