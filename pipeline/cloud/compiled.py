@@ -39,16 +39,16 @@ COUNTED, SLAB, GRID = (
 )
 SIGNATURES: dict[str, tuple[list[Any], Any]] = {
     "source_digest": ([], ctypes.c_char_p),
-    "hash": ([DOUBLES, c_int64, HASHES], None),
-    "hash_rows": ([DOUBLES, c_int64, c_uint64, LONGS, HASHES], c_int64),
+    "hash": ([*COUNTED, HASHES], None),
+    "hash_rows": ([*COUNTED, c_uint64, LONGS, HASHES], c_int64),
     "thin_rows": ([DOUBLES, INTS, c_int64, c_uint64, INTS], c_int64),
-    "widen": ([DOUBLES, DOUBLES, c_int64], None),
-    "near_plane": ([DOUBLES, c_int64, *[DOUBLES] * 4, INTS, INTS, LONGS], None),
+    "widen": ([DOUBLES, *COUNTED], None),
+    "near_plane": ([*COUNTED, *[DOUBLES] * 4, INTS, INTS, LONGS], None),
     "take": ([DOUBLES, DOUBLES, INTS, c_int64, DOUBLES], None),
     "take_single": ([DOUBLES, DOUBLES, INTS, c_int64, SINGLES], None),
     "slab_moments": ([*COUNTED, *SLAB, *COUNTED, *COUNTED, *GRID, DOUBLES, DOUBLES], c_int64),
-    "voxel_moments": ([DOUBLES, c_int64, DOUBLES, c_double, LONGS, c_int64, DOUBLES], c_int64),
-    "in_voxels": ([DOUBLES, c_int64, DOUBLES, c_double, LONGS, c_int64, MARKS], c_int64),
+    "voxel_moments": ([*COUNTED, DOUBLES, c_double, LONGS, c_int64, DOUBLES], c_int64),
+    "in_voxels": ([*COUNTED, DOUBLES, c_double, LONGS, c_int64, MARKS], c_int64),
 }
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..cloud import coordinate_hash, sample_rows
+from ..cloud import coordinate_hash, sample
 from ..vectors import Array, Array32, Rows
 
 # Share of points in other points' places, to the micrometre, from which a cloud holds copies; and
@@ -21,9 +21,14 @@ ABOUT, MOST_COPIES, FARTHER, SHARE, ALIKE = 200, 8, 3.0, 0.4, 0.3
 LEAST_M = 1e-6  # distance up to which copies are in one place
 
 
-def places_shared(points_m: Array) -> bool:
-    """Return whether points_m (N, 3) hold copies in one another's places."""
-    places = coordinate_hash(points_m[sample_rows(points_m, LOOKED_AT)])
+def some_of(points_m: Array) -> Array:
+    """Return LOOKED_AT of points_m (N, 3), the same in any order of them."""
+    return sample(points_m, LOOKED_AT)
+
+
+def places_shared(some_m: Array) -> bool:
+    """Return whether a cloud holds copies in one another's places, by some of its points (N, 3)."""
+    places = coordinate_hash(some_m)
     return len(np.unique(places)) <= (1.0 - COPIES) * len(places)
 
 
@@ -33,14 +38,14 @@ def first_in_places(points_m: Array | Array32) -> Rows:
     return np.sort(first)
 
 
-def copies_within_m(points_m: Array, normal: Array, sigma_m: float) -> float:
+def copies_within_m(points_m: Array, place_m: Array, normal: Array, sigma_m: float) -> float:
     """Return the distance within which points_m (N, 3) of a plane hold near copies; 0 without.
 
-    sigma_m: noise across the plane, in which copies agree. Two beams of a scanner may lie close
-    together, but each point then has neighbours at any distance: copies are followed by none up to
-    FARTHER times theirs.
+    place_m: (3,) about which they are looked at. sigma_m: noise across the plane, in which copies
+    agree. Two beams of a scanner may lie close together, but each point then has neighbours at any
+    distance: copies are followed by none up to FARTHER times theirs.
     """
-    some = _about_one_place(points_m)
+    some = _about(points_m, place_m)
     if len(some) < 3 * MOST_COPIES:
         return 0.0
     offset = some[:, None] - some
@@ -71,11 +76,10 @@ def first_within(points_m: Array | Array32, reach_m: float) -> Rows:
     return np.nonzero(kept)[0]
 
 
-def _about_one_place(points_m: Array) -> Array:
-    """Return the ABOUT points nearest to one of points_m (N, 3), the same in any order of them."""
+def _about(points_m: Array, place_m: Array) -> Array:
+    """Return the ABOUT of points_m (N, 3) nearest to a place (3,)."""
     if len(points_m) <= ABOUT:
         return points_m
-    place = points_m[sample_rows(points_m, LOOKED_AT)[0]]
-    x, y, z = points_m.T - place[:, None]
+    x, y, z = points_m.T - place_m[:, None]
     square = x * x + y * y + z * z
     return points_m[np.argpartition(square, ABOUT)[:ABOUT]]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..cloud import EXACT, Steps
 from ..vectors import Array, Array32, Mask, Rows, turned
-from .copies import copies_within_m, first_in_places, first_within, places_shared
+from .copies import copies_within_m, first_in_places, first_within, places_shared, some_of
 
 CHANCE_M = 2e-4  # steps of coordinates from which on points share places by chance
 
@@ -94,10 +94,13 @@ class Patch:
         """
         if float(self.steps.step_m.max()) > CHANCE_M:
             return self
-        reach_m = copies_within_m(self.face_m, self.basis[2], self.sigma_m)
+        some = some_of(self.face_m)
+        if len(some) == 0:
+            return self
+        reach_m = copies_within_m(self.face_m, some[0], self.basis[2], self.sigma_m)
         if reach_m > 0.0:
             return self._without_copies(partial(first_within, reach_m=reach_m))
-        if places_shared(self.face_m):
+        if places_shared(some):
             return self._without_copies(first_in_places)
         return self
 

@@ -10,6 +10,7 @@ from wheelplane.plane.copies import (
     first_in_places,
     first_within,
     places_shared,
+    some_of,
 )
 
 NORMAL, SIGMA_M, SPACING_M = np.array([0.0, 0.0, 1.0]), 3e-4, 1e-3
@@ -28,7 +29,7 @@ def test_the_distance_lies_between_copies_and_the_next_points(times):
     points = face(rng)
     copies = [points + rng.normal(0.0, 2e-5, points.shape) for _ in range(times - 1)]
     cloud = rng.permutation(np.vstack([points, *copies]))
-    reach_m = copies_within_m(cloud, NORMAL, SIGMA_M)
+    reach_m = copies_within_m(cloud, some_of(cloud)[0], NORMAL, SIGMA_M)
     assert 3e-5 < reach_m < 0.6 * SPACING_M
     assert len(first_within(cloud, reach_m)) == pytest.approx(len(points), rel=0.005)
 
@@ -41,7 +42,7 @@ def test_scattered_points_of_any_density_are_no_copies(density):
         [rng.uniform(0.0, 0.04, (1600 * density, 2)), np.zeros(1600 * density)]
     )
     points[:, 2] = rng.normal(0.0, SIGMA_M, len(points))
-    assert copies_within_m(points, NORMAL, SIGMA_M) == 0.0
+    assert copies_within_m(points, some_of(points)[0], NORMAL, SIGMA_M) == 0.0
 
 
 def test_lines_of_close_points_are_no_copies():
@@ -50,7 +51,7 @@ def test_lines_of_close_points_are_no_copies():
     u, v = np.meshgrid(np.arange(800) * 5e-5, np.arange(40) * SPACING_M)
     w = np.repeat(rng.normal(0.0, SIGMA_M, (40, 20)), 40, axis=1)
     points = np.stack([u, v, w], axis=-1).reshape(-1, 3)
-    assert copies_within_m(points, NORMAL, SIGMA_M) == 0.0
+    assert copies_within_m(points, some_of(points)[0], NORMAL, SIGMA_M) == 0.0
 
 
 def test_of_a_chain_each_point_is_kept_that_no_kept_one_is_near():
@@ -60,7 +61,7 @@ def test_of_a_chain_each_point_is_kept_that_no_kept_one_is_near():
 
 def test_places_are_shared_to_the_micrometre():
     points = face(np.random.default_rng(1))
-    assert not places_shared(points)
+    assert not places_shared(some_of(points))
     twice = np.vstack([points, points[::10] + 1e-9])
-    assert places_shared(twice)
+    assert places_shared(some_of(twice))
     np.testing.assert_array_equal(first_in_places(twice), np.arange(len(points)))
