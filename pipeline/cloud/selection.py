@@ -21,6 +21,7 @@ MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0
 # Added to a coordinate below 2^51 steps, it leaves the number of steps in the last bits.
 ROUNDED = np.float64(1.5 * 2.0**52 / GRID_PER_M)
 HASHED_ROWS = 16_384  # their bits and hashes stay in a second-level cache
+SHOWING = 16  # of many values, the share that shows where the least ones end
 _FINISH, HALF = np.uint64(0xBF58476D1CE4E5B9), np.uint64(32)
 
 
@@ -182,6 +183,35 @@ def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:
         near = np.nonzero(x * x + y * y + z * z < radius_m**2)[0]
         kept.append(offset[:, near].T)
     return np.concatenate(kept)
+
+
+def least_rows(values: Array, count: int) -> Rows:
+    """Return the rows of the `count` least of values (N,), or of all, in no order.
+
+    Of many, those are sorted that lie below a limit that every SHOWING-th shows.
+    """
+    if len(values) <= count:
+        return np.arange(len(values))
+    rows = np.arange(len(values))
+    if len(values) > 8 * SHOWING * count:
+        some, at = values[::SHOWING], 2 * count // SHOWING + SHOWING
+        below = np.nonzero(values <= np.partition(some, at)[at])[0]
+        rows = below if len(below) > count else rows
+    return rows[np.argpartition(values[rows], count)[:count]]
+
+
+def nearest_points(points_m: Array, place_m: Array, count: int) -> Array:
+    """Return the `count` of points_m (N, 3) nearest to a place (3,), or all, in no order."""
+    if len(points_m) <= count:
+        return points_m
+
+    def near(chunk: slice) -> Array:
+        part = points_m[chunk]
+        x, y, z = part.T - place_m[:, None]
+        return np.asarray(part[least_rows(x * x + y * y + z * z, count)])
+
+    found = np.concatenate(over_chunks(near, len(points_m)))
+    return np.asarray(found[least_rows(np.sum((found - place_m) ** 2, axis=1), count)])
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..cloud import coordinate_hash, sample
+from ..cloud import coordinate_hash, nearest_points, sample
 from ..vectors import Array, Array32, Rows
 
 # Share of points in other points' places, to the micrometre, from which a cloud holds copies; and
@@ -45,7 +45,7 @@ def copies_within_m(points_m: Array, place_m: Array, normal: Array, sigma_m: flo
     agree. Two beams of a scanner may lie close together, but each point then has neighbours at any
     distance: copies are followed by none up to FARTHER times theirs.
     """
-    some = _about(points_m, place_m)
+    some = nearest_points(points_m, place_m, ABOUT)
     if len(some) < 3 * MOST_COPIES:
         return 0.0
     offset = some[:, None] - some
@@ -74,12 +74,3 @@ def first_within(points_m: Array | Array32, reach_m: float) -> Rows:
         if kept[earlier]:
             kept[later] = False
     return np.nonzero(kept)[0]
-
-
-def _about(points_m: Array, place_m: Array) -> Array:
-    """Return the ABOUT of points_m (N, 3) nearest to a place (3,)."""
-    if len(points_m) <= ABOUT:
-        return points_m
-    x, y, z = points_m.T - place_m[:, None]
-    square = x * x + y * y + z * z
-    return points_m[np.argpartition(square, ABOUT)[:ABOUT]]

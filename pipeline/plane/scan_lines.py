@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..cloud import over_chunks
+from ..cloud import least_rows, over_chunks
 from ..vectors import Array, Array32
 from .correlated_noise import POINTS_A_CELL, Cells, filled
 
@@ -96,8 +96,7 @@ def nearest(uvw_m: Array, count: int = SAMPLED) -> Array:
     """Return the `count` points of (N, 3) nearest to the middle, or all."""
     if len(uvw_m) <= count:
         return uvw_m
-    away = uvw_m[:, 0] ** 2 + uvw_m[:, 1] ** 2
-    return uvw_m[np.argpartition(away, count)[:count]]
+    return uvw_m[least_rows(uvw_m[:, 0] ** 2 + uvw_m[:, 1] ** 2, count)]
 
 
 def grid_of(uvw_m: Array, step_m: float = 0.0) -> Grid | None:

@@ -8,7 +8,14 @@ import pytest
 from tests.support.scenes import rotation
 from wheelplane.cloud import moments, selection, threads, voxel_grid
 from wheelplane.cloud.moments import slab_moments, sums_by
-from wheelplane.cloud.selection import Slab, coordinate_hash, sample, surroundings
+from wheelplane.cloud.selection import (
+    Slab,
+    coordinate_hash,
+    least_rows,
+    nearest_points,
+    sample,
+    surroundings,
+)
 from wheelplane.cloud.voxel_grid import box, voxel_key, voxel_moments, within_voxels
 
 CENTRE = np.array([10.2, -4.1, 2.3])
@@ -228,3 +235,25 @@ def test_a_box_is_that_of_each_column(cloud, backend, count):
     assert found.shape == (2, 3)
     for k, column in enumerate(some.T):
         assert (found[0, k], found[1, k]) == (min(column), max(column))
+
+
+@pytest.mark.parametrize("count", [1, 40, 350])
+@pytest.mark.parametrize("order", ["random", "falling", "equal"])
+def test_the_least_values_of_many_are_found(count, order):
+    """Also where every sixteenth value misleads about where they end."""
+    values = np.random.default_rng(count).exponential(size=200_000)
+    if order == "falling":
+        values = np.sort(values)[::-1].copy()
+    if order == "equal":
+        values[::16] = values.min()
+    found = values[least_rows(values, count)]
+    np.testing.assert_array_equal(np.sort(found), np.sort(values)[:count])
+
+
+def test_the_nearest_points_are_those_of_the_whole_cloud():
+    points = np.random.default_rng(0).normal(size=(150_000, 3))
+    place = np.array([0.3, -0.2, 0.1])
+    away = np.linalg.norm(nearest_points(points, place, 50) - place, axis=1)
+    np.testing.assert_allclose(
+        np.sort(away), np.sort(np.linalg.norm(points - place, axis=1))[:50], rtol=1e-12
+    )
