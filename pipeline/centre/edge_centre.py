@@ -413,6 +413,7 @@ def _fit(
         fit,
         outline=outline,
         thickness_m=view.target.thickness,
+        chamfer_m=view.target.chamfer,
         sigma_m=view.plane.sigma_m,
         config=view.config,
     )

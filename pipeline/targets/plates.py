@@ -29,6 +29,8 @@ WEB_M = 0.01  # of material, at least, between a hole and any other edge
 class Plate(Section):
     """Properties of every flat target, lengths in metres; `thickness` where it is known.
 
+    chamfer: width of the chamfer of 45 degrees along the edges of the face, where it is known; 0 of
+    sharp ones. The sizes are those of the plate, with it.
     flatness: the front face lies between two planes that far apart, metres. clamp_tilt_deg,
     clamp_shift: mounting repeatability, standard deviations per axis, degrees and metres.
     stand_off: of the face from the plane of the rim flange's edge, outwards along the normal, with
@@ -36,6 +38,7 @@ class Plate(Section):
     """
 
     thickness: float | None = Field(None, ge=0.0, lt=0.2)
+    chamfer: float | None = Field(None, ge=0.0, lt=0.02)
     flatness: float = Field(0.0, ge=0.0, lt=0.01)
     clamp_tilt_deg: float = Field(0.0, ge=0.0, lt=5.0)
     clamp_shift: float = Field(0.0, ge=0.0, lt=0.05)
@@ -45,6 +48,7 @@ class Plate(Section):
 
     lengths: ClassVar[tuple[str, ...]] = (
         "thickness",
+        "chamfer",
         "flatness",
         "clamp_shift",
         "stand_off",
@@ -58,10 +62,21 @@ class Plate(Section):
             raise ValueError("stand_off and stand_off_u, its standard uncertainty: state both")
         return self
 
+    @model_validator(mode="after")
+    def _chamfer_fits(self) -> Plate:
+        if self.chamfer and self.thickness is not None and self.chamfer > self.thickness:
+            raise ValueError(
+                f"chamfer {self.chamfer} is wider than the plate is thick, {self.thickness}: "
+                "check both"
+            )
+        return self
+
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave a stand-off out that is not stated: settings of before keep their digest."""
+        """Leave out what is not stated of these: settings of before keep their digest."""
         tree: dict[str, Any] = write(self)
+        if self.chamfer is None:
+            del tree["chamfer"]
         if self.stand_off is None:
             del tree["stand_off"], tree["stand_off_u"]
         return tree

@@ -64,6 +64,19 @@ def box(low_m: Sequence[float], high_m: Sequence[float], reflectance: float) -> 
     return _solid(trimesh_box(bounds=[low_m, high_m]), reflectance)
 
 
+def bevelled(half_m: Array, depth_m: float, chamfer_m: float, reflectance: float) -> Solid:
+    """Build a box of half widths (2,), top on z = 0, with a chamfer of 45 degrees along the top."""
+    from trimesh import Trimesh
+
+    corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    rings = [
+        _at(corners * half_m, -depth_m),
+        _at(corners * half_m, -chamfer_m),
+        _at(corners * (half_m - chamfer_m), 0.0),
+    ]
+    return _solid(Trimesh(np.vstack(rings)).convex_hull, reflectance)
+
+
 def arch_panel(
     spread_rad: tuple[float, float],
     radius_m: float,

@@ -12,7 +12,7 @@ from ..parameters.pattern_file import PatternFile
 from ..parameters.plate_file import RectangleFile, RingFile, SquareFile, TargetFile
 from ..vehicle.vehicle import Wheel, about
 from .form import FLAT, Form, draw_form
-from .solids import Solid, box, joined, punched, revolved
+from .solids import Solid, bevelled, box, joined, punched, revolved
 
 # The polygon lies within radius * (1 - cos(pi / SECTIONS)) of its circle: 0.3 um at 125 mm.
 SECTIONS = 1440
@@ -89,29 +89,37 @@ def target_solid(target: TargetFile) -> Solid:
 
 
 def _body(target: TargetFile) -> Solid:
+    chamfer = target.chamfer or 0.0
     match target:
         case RingFile():
-            return _round(target.diameter / 2, target.thickness, target.hole_diameter / 2)
+            hole = target.hole_diameter / 2
+            return _round(target.diameter / 2, target.thickness, chamfer, hole)
         case SquareFile():
             return _square(target)
         case RectangleFile():
-            return _rectangle(target.width, target.height, target.thickness)
+            return _rectangle(target.width, target.height, target.thickness, chamfer)
         case PatternFile() if target.width is not None and target.height is not None:
-            return _rectangle(target.width, target.height, target.thickness)
-    return _round(target.radius_m, target.thickness)
+            return _rectangle(target.width, target.height, target.thickness, chamfer)
+    return _round(target.radius_m, target.thickness, chamfer)
 
 
-def _round(radius: float, thickness: float, hole: float = 0.0) -> Solid:
+def _round(radius: float, thickness: float, chamfer: float, hole: float = 0.0) -> Solid:
     """Build a disc, or a ring about a hole of that radius."""
-    profile = [(hole, -thickness), (radius, -thickness), (radius, 0.0), (hole, 0.0)]
+    rim, inner = [(radius, 0.0)], [(hole, 0.0)]
+    if chamfer > 0.0:
+        rim = [(radius, -chamfer), (radius - chamfer, 0.0)]
+        inner = [(hole + chamfer, 0.0), (hole, -chamfer)] if hole > 0.0 else inner
+    profile = [(hole, -thickness), (radius, -thickness), *rim, *inner]
     if hole > 0.0:
         profile.append(profile[0])
     return revolved(profile, SECTIONS, REFLECTANCE)
 
 
-def _rectangle(width: float, height: float, thickness: float) -> Solid:
-    low, high = (-width / 2, -height / 2, -thickness), (width / 2, height / 2, 0.0)
-    return box(low, high, REFLECTANCE)
+def _rectangle(width: float, height: float, thickness: float, chamfer: float) -> Solid:
+    half = np.array([width, height]) / 2
+    if chamfer > 0.0:
+        return bevelled(half, thickness, chamfer, REFLECTANCE)
+    return box((*-half, -thickness), (*half, 0.0), REFLECTANCE)
 
 
 def _square(target: SquareFile) -> Solid:

@@ -100,13 +100,14 @@ INCIDENCE: Values = {
 class Case:
     """One kind of physics: a scanner's file, and the values that replace its own.
 
-    flatness_m: of the target. merged: each wheel is scanned from two stations, in one file.
-    step_m: to which coordinates are rounded. spaced_m: to which distance the points are thinned.
+    flatness_m, chamfer_m: of the target. merged: each wheel is scanned from two stations, in one
+    file. step_m: to which coordinates are rounded. spaced_m: to which distance points are thinned.
     """
 
     values: Values = field(default_factory=dict)
     base: str = "default"
     flatness_m: float = 0.0
+    chamfer_m: float = 0.0
     merged: bool = False
     step_m: float = 0.0
     spaced_m: float = 0.0
@@ -116,7 +117,7 @@ class Case:
         """Whether a file can state its errors."""
         shipped = self.base in ("phase-shift", "structured-light")
         stated = any(key.startswith("instrument.") for key in self.values)
-        return shipped or stated or self.flatness_m > 0.0
+        return shipped or stated or self.flatness_m > 0.0 or self.chamfer_m > 0.0
 
 
 CASES: dict[str, Case] = {
@@ -167,6 +168,9 @@ CASES: dict[str, Case] = {
     "spaced-2mm": Case(PLAIN, spaced_m=0.002),
     "edges-filtered": Case(PLAIN | GAUSSIAN | LAMBERT | {"beam.edge_filter_m": 0.01}),
     "form": Case(PLAIN | SPARSE | QUIET, flatness_m=0.0003),
+    "chamfer-0.3": Case(PLAIN | QUIET, chamfer_m=0.0003),
+    "chamfer-0.8": Case(PLAIN | QUIET, chamfer_m=0.0008),
+    "chamfer-gaussian-lambert": Case(PLAIN | QUIET | GAUSSIAN | LAMBERT, chamfer_m=0.0005),
     "incidence": Case(PLAIN | INCIDENCE),
     "axes": Case(PLAIN | AXES | BARE),
     "stations": Case(PLAIN | STATIONS | BARE),
@@ -208,11 +212,12 @@ def scanner_file(folder: Path, values: Values, base: str = "default") -> Path:
     return file
 
 
-def target_file(folder: Path, target: str, flatness_m: float) -> Path:
-    """Write a shipped target's file with this flatness."""
+def target_file(folder: Path, target: str, case: Case) -> Path:
+    """Write a shipped target's file with the flatness and the chamfer of a case."""
     file = folder / "target.toml"
     text = config_file("targets", target).read_text()
-    file.write_text(text + (f"flatness = {flatness_m}\n" if flatness_m else ""))
+    own = {"flatness": case.flatness_m, "chamfer": case.chamfer_m}
+    file.write_text(text + "".join(f"{key} = {value}\n" for key, value in own.items() if value))
     return file
 
 
@@ -226,7 +231,7 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
             Path(scratch) / "capture",
             scanner_file(Path(scratch), case.values | _window(case, target), case.base),
         )
-        face = target_file(Path(scratch), target, case.flatness_m)
+        face = target_file(Path(scratch), target, case)
         _capture(folder, seed, file, face)
         if case.merged:
             place: Values = {"station.incidence_deg": [25.0, 40.0], "grid.spacing_m": 0.0023}

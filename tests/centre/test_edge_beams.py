@@ -8,6 +8,7 @@ import pytest
 from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
+    CHAMFER,
     CLEAN_SPOT,
     GROWTH,
     HELD_BEAM,
@@ -38,6 +39,7 @@ from wheelplane.centre.edge.beams import (
     SIZE_M,
     SPARSE,
     SPOT,
+    STATE,
     STATED_THICKNESS,
     STATION_M,
     THICKNESS,
@@ -180,7 +182,7 @@ def test_the_prior_s_mean_is_what_is_stated():
     assert known.weight[THICKNESS] == pytest.approx(STATED_THICKNESS**-2)
     assert unknown.weight[THICKNESS] < 0.01 * known.weight[THICKNESS]
     assert 0.003 < np.exp(unknown.mean[THICKNESS]) < 0.02
-    others = np.arange(12) != THICKNESS
+    others = np.arange(STATE) != THICKNESS
     np.testing.assert_array_equal(known.weight[others], unknown.weight[others])
     assert np.exp(Prior.of(0.0, config).mean[THICKNESS]) > 0.0  # a foil
 
@@ -200,7 +202,7 @@ def test_a_station_s_uncertainty_is_propagated_to_the_beams():
     assert 1.0 / seen.weight[INVERSE] == pytest.approx(variance[INVERSE, INVERSE], rel=1e-6)
     np.testing.assert_allclose(seen.mean[BEAM], (state[CENTRE] - STATION[:2]) / STATION[2])
     assert seen.mean[INVERSE] == pytest.approx(1.0 / STATION[2])
-    rest = [0, 1, *range(5, 12)]
+    rest = [0, 1, *range(5, STATE)]
     np.testing.assert_array_equal(seen.mean[rest], prior.mean[rest])
     np.testing.assert_array_equal(seen.weight[rest], prior.weight[rest])
 
@@ -211,7 +213,7 @@ def test_what_a_prior_holds_and_nothing_else():
     held, plain, power = prior.held(state), prior.plain(), prior.by_power()
 
     def others(*some):
-        return np.setdiff1d(np.arange(12), some)
+        return np.setdiff1d(np.arange(STATE), some)
 
     for one, means, weights in (
         (held, (2, 3), (2, 3, THICKNESS)),
@@ -428,9 +430,9 @@ def test_of_few_points_those_between_both_sides_are_mixed(
 
 
 def test_each_place_in_a_state_is_of_one_quantity():
-    places = [*range(12)[CENTRE], *range(12)[BEAM], INVERSE]
-    places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE, GROWTH]
-    assert places == list(range(12))
+    places = [*range(STATE)[CENTRE], *range(STATE)[BEAM], INVERSE]
+    places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE, GROWTH, CHAMFER]
+    assert places == list(range(STATE))
 
 
 @pytest.mark.parametrize("continuous", [True, False])

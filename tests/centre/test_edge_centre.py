@@ -255,7 +255,7 @@ def thick(real_m, stated_m, seed, **changes):
     """Squared error over u^2 of a disc of another thickness than stated, u, and its edge's fit."""
     target = load_target("disc-250")
     cloud = make(setup_of(target, PLAIN).but(thickness_m=real_m, **changes), seed)
-    target = target.model_copy(update={"thickness": stated_m})
+    target = target.model_copy(update={"thickness": stated_m, "chamfer": 0.0})
     patch = patch_of(cloud, target, seed)
     view = TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
     found = centre_by_edge(view, target.edge)

@@ -10,7 +10,7 @@ import pytest
 from scipy import integrate, optimize, stats
 from scipy.linalg import block_diag, sqrtm
 
-from wheelplane.centre.edge.beams import RATIO, Prior
+from wheelplane.centre.edge.beams import RATIO, STATE, Prior
 from wheelplane.centre.edge.edge_residuals import (
     CHANCE,
     LEAST_CHANGE,
@@ -34,7 +34,7 @@ from wheelplane.centre.edge.edge_residuals import (
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
 
-POINTS, STATES = 1500, 12
+POINTS, STATES = 1500, STATE
 
 
 def drawn(seed=0, scatter=0.5, share=None, size=1.0):
@@ -145,7 +145,7 @@ def test_newton_steps_end_where_the_estimating_equations_do_and_sooner():
         return replace(first, residual_m=residual_m, weight=weight, change=change)
 
     root = prior.mean
-    for _ in range(30):
+    for _ in range(200):
         root = root + step(at(root), root, prior, newton=True)[0]
     linear = at(root)
     gradient = linear.slopes.T @ (linear.weight * linear.residual_m)

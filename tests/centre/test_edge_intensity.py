@@ -23,6 +23,7 @@ from wheelplane.centre.edge.beams import (
     ROTATION,
     SHAPE,
     SPOT,
+    STATE,
     THICKNESS,
     WALL,
     Prior,
@@ -294,7 +295,7 @@ def test_slopes_are_those_of_central_differences():
     there, here = profile(state)
     slopes = profile_slopes(here, there, problem.depth[chosen], state)
     for index in (0, 1, 2, 3, SPOT, THICKNESS, EXPONENT, ROTATION, WALL, SHAPE, GROWTH):
-        step = np.zeros(12)
+        step = np.zeros(STATE)
         step[index] = 1e-7 if index in (0, 1, ROTATION, GROWTH) else 1e-5
         ahead, behind = (profile(state + sign * step)[1].depth_m for sign in (1.0, -1.0))
         moved, shown = (ahead - behind) / (2.0 * step[index]), slopes[:, index]

@@ -20,6 +20,7 @@ from wheelplane.centre.edge.beams import (
     RATIO,
     ROTATION,
     SIZE_M,
+    STATE,
     WALL,
     WRONG_SIZE_M,
     Prior,
@@ -63,7 +64,7 @@ def put_in(monkeypatch, moves):
 
     def move(linear, state, prior, newton=False):
         called.newton.append(newton)
-        moved = np.zeros(12)
+        moved = np.zeros(STATE)
         moved[0] = moves[min(len(called.flags), len(moves)) - 1]
         return moved, Zones.alike()
 
@@ -205,7 +206,7 @@ def test_a_background_of_outliers_is_left_out(monkeypatch, front, back, taken):
         return solution if by_background else alone
 
     monkeypatch.setattr(clean_fit, "_converge_clean", converge)
-    monkeypatch.setattr(clean_fit, "spread", lambda *args: (np.eye(12),))
+    monkeypatch.setattr(clean_fit, "spread", lambda *args: (np.eye(STATE),))
     found = clean_fit._explained(problem_of(), state_of(), 40, by_power=True)
     assert calls == [(False, True), (True, False)][: 1 + bool(back)]
     assert found is (solution if taken == "with" else alone)
@@ -228,7 +229,7 @@ def test_a_background_that_moves_the_centre_too_far_is_left_out(
     A fit that did not settle without it shows nothing.
     """
     rng = np.random.default_rng(0)
-    covariance = np.eye(12) * 1e-8
+    covariance = np.eye(STATE) * 1e-8
     covariance[:2, :2] += 3e-9 * rng.normal() ** 2
     way = np.linalg.cholesky(covariance[:2, :2]) @ [0.6, -0.8]
     weight = [1.0] * 60 + [0.0] * outliers + [0.2] * (20 - outliers)
@@ -306,7 +307,7 @@ def test_a_fit_of_another_size_begins_with_the_edge_where_it_was_seen(monkeypatc
     there_m = starts[0][GROWTH] + clean_fit.shift_m(starts[0])
     assert there_m == pytest.approx(state[GROWTH] + clean_fit.shift_m(state), abs=1e-8)
     assert starts[0][RATIO] == 0.0
-    others = np.delete(np.arange(12), [RATIO, GROWTH])
+    others = np.delete(np.arange(STATE), [RATIO, GROWTH])
     np.testing.assert_array_equal(starts[0][others], state[others])
     np.testing.assert_array_equal(state, before)
 
@@ -363,6 +364,7 @@ def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_
         return problem, ended()
 
     monkeypatch.setattr(mixed_fit, "_best", best)
+    monkeypatch.setattr(mixed_fit, "_with_chamfer", lambda problem, found, _: (problem, found))
     monkeypatch.setattr(mixed_fit, "_is_strange", lambda *args: strange)
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 0.0)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)

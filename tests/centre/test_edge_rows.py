@@ -13,14 +13,17 @@ from scipy.optimize import brentq
 from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
+    CHAMFER,
     INVERSE,
     RATIO,
     ROTATION,
     SHAPE,
     SPOT,
+    STATE,
     THICKNESS,
     WALL,
     Prior,
+    bevel_reflectance,
     carry,
     carry_near,
     look_up,
@@ -103,7 +106,7 @@ def test_slopes_by_the_state_are_those_of_any_profile(outline):
     state = state_of(centre=(0.0, 0.0) if outline is DISC else (0.002, -0.003))
     state[THICKNESS] = -18.0 if outline is DISC else state[THICKNESS]
     problem, rng = scene(outline, state, 400), np.random.default_rng(1)
-    by = rng.normal(size=(7, 400))
+    by = rng.normal(size=(10, 400))
 
     def value(at):
         beams = carry(problem.plane, problem.depth, at, outline)
@@ -111,16 +114,17 @@ def test_slopes_by_the_state_are_those_of_any_profile(outline):
         wall = wall_reflectance(tau, at)[0]
         return (
             by[0] * beams.x_m + by[1] * tau + by[2] * at[SPOT] + by[3] * np.exp(at[THICKNESS])
-            + by[4] * at[RATIO] + by[5] * wall + by[6] * at[SHAPE]
+            + by[4] * at[RATIO] + by[5] * wall + by[6] * at[SHAPE] + by[7] * at[CHAMFER]
+            + by[8] * beams.tau + by[9] * bevel_reflectance(beams.tau, at)
         )  # fmt: skip
 
     none = np.zeros(400)
-    profile = EdgeProfile(none, *by, none, none)
+    profile = EdgeProfile(none, *by[:7], none, none, *by[7:])
     beams = carry(problem.plane, problem.depth, state, outline)
     shown = profile_slopes(profile, beams, problem.depth, state)
     clear = beams.clear & (np.abs(beams.tau) > 1e-3) & (np.abs(beams.x_m) < 0.02)
-    for index in range(12):
-        step = np.zeros(12)
+    for index in range(STATE):
+        step = np.zeros(STATE)
         step[index] = 1e-6
         seen = (value(state + step) - value(state - step)) / 2e-6
         moved = shown[:, index]
@@ -260,7 +264,7 @@ def test_a_clean_edge_lies_where_the_powers_are_alike(ratio):
         return np.subtract(ahead, behind) / (2.0 * h)
 
     def along(index):
-        return lambda t, d: (t, state + d * (np.arange(12) == index))
+        return lambda t, d: (t, state + d * (np.arange(STATE) == index))
 
     close = {"atol": 3e-6, "rtol": 0.01}
     np.testing.assert_allclose(table[1], by(lambda t, d: (t + d, state)), **close)
@@ -418,7 +422,7 @@ def test_slopes_of_the_nearest_points_are_those_of_central_differences():
     here = clean_equations(problem, state, True, False, True)
     last = slice(here.depths, None)
     for index in (0, 1, 2, 3, SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE):
-        step = np.zeros(12)
+        step = np.zeros(STATE)
         step[index] = 1e-7 if index in (0, 1, 8) else 1e-5
         ahead, behind = (
             clean_equations(problem, state + s * step, True, False, True) for s in (1.0, -1.0)

@@ -11,7 +11,7 @@ import pytest
 from tests.centre.test_edge_iterations import CONFIG
 from tests.centre.test_edge_rows import scene, state_of
 from tests.support.scenes import Setup, Sheet, make
-from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Prior, look_up
+from wheelplane.centre.edge.beams import BEAM, CENTRE, CHAMFER, INVERSE, STATE, Prior, look_up
 from wheelplane.centre.edge.edge_residuals import EdgeProblem, Zones
 from wheelplane.centre.edge.few_points import (
     APART,
@@ -38,7 +38,7 @@ SPOKES = tuple(
 
 
 def few_points(seed, extra=()):
-    """Problem of 300 points on a disc of 250 mm, and its true state (12,)."""
+    """Problem of 300 points on a disc of 250 mm, and its true state (13,)."""
     cloud = make(FEW.but(extra=extra), seed)
     state, station = Prior.of(0.01, CONFIG).mean, cloud.viewpoint_m
     state[BEAM], state[INVERSE] = -station[:2] / station[2], 1.0 / station[2]
@@ -60,14 +60,14 @@ def test_every_second_start_lies_about_the_likeliest_solution_so_far(monkeypatch
 
     def solve(state):
         starts.append(state)
-        return Solution(np.full(12, float(len(starts))), Zones.alike(), None, None, 1, 0.0)
+        return Solution(np.full(STATE, float(len(starts))), Zones.alike(), None, None, 1, 0.0)
 
     losses = [np.inf, 5.0, 7.0, 3.0, *([4.0] * 20)]
     monkeypatch.setattr(
         "wheelplane.centre.edge.few_points.is_likelier",
         lambda problem, state, other: losses[int(state[0])] < losses[int(other[0])],
     )
-    found = likeliest(None, np.zeros(12), solve)
+    found = likeliest(None, np.zeros(STATE), solve)
     assert found.state[0] == 3.0
     assert len(starts) == 1 + STARTS
     np.testing.assert_array_equal(starts[0], 0.0)
@@ -85,7 +85,8 @@ def test_where_a_fit_to_few_points_begins_hardly_counts():
     for seed in range(6):
         problem, truth = few_points(seed, SPOKES)
         rng = np.random.default_rng(3)
-        begins = [truth + 3.0 * APART * rng.standard_normal(12) for _ in range(4)]
+        drawn = np.hstack([rng.standard_normal((4, CHAMFER)), np.zeros((4, 1))])  # no chamfer
+        begins = list(truth + 3.0 * APART * drawn)
         solve = partial(solved, problem)
         for name, fit in (("one", solve), ("several", partial(likeliest, problem, solve=solve))):
             ends = np.array([fit(begin).state[CENTRE] for begin in begins])
@@ -106,7 +107,7 @@ def test_the_truth_is_likelier_than_states_beside_it():
     least = loss_before_its_own(problem, truth)
     for axis in range(2):
         for step in (-2e-3, 2e-3):
-            beside = truth + step * np.eye(12)[axis]
+            beside = truth + step * np.eye(STATE)[axis]
             assert loss_before_its_own(problem, beside) > least + 10.0
             assert is_likelier(problem, truth, beside)
             assert not is_likelier(problem, beside, truth)
@@ -118,7 +119,7 @@ def test_the_truth_is_likelier_than_states_beside_it():
 
 @pytest.mark.parametrize("of_the_other", [1.0, 3.0])
 def test_a_likelier_state_is_so_before_the_background_of_either(monkeypatch, of_the_other):
-    here, other = np.zeros(12), np.ones(12)
+    here, other = np.zeros(STATE), np.ones(STATE)
     losses = {(0.0, 0.0): 1.0, (1.0, 0.0): 2.0, (0.0, 1.0): of_the_other, (1.0, 1.0): 2.0}
     module = "wheelplane.centre.edge.few_points"
     monkeypatch.setattr(EdgeProblem, "background", lambda problem, state: state[0])

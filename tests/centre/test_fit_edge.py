@@ -194,12 +194,17 @@ def test_the_fit_moves_and_rotates_with_the_points(name):
 
 def test_a_plane_that_is_too_high_moves_the_centre_as_the_derivative_says():
     outline, points, _ = scanned("disc", incidence_deg=25.0)
-    here, lift = fitted(outline, points), 5e-4
-    up, down = (fitted(outline, points - [0.0, 0.0, way * lift]) for way in (1.0, -1.0))
+
+    def sharp(points):
+        begin = aimed(points, outline, 0.01, CONFIG)
+        return fit_edge(points, outline, 0.01, 0.0003, CONFIG, begin, chamfer_m=0.0)
+
+    here, lift = sharp(points), 5e-5
+    up, down = (sharp(points - [0.0, 0.0, way * lift]) for way in (1.0, -1.0))
     np.testing.assert_allclose(
-        (up.centre_m - down.centre_m) / 2.0, here.by_plane[:, 0] * lift, atol=1e-5
+        (up.centre_m - down.centre_m) / 2.0, here.by_plane[:, 0] * lift, atol=1e-6
     )
-    assert np.hypot(*here.by_plane[:, 0]) * lift > 4e-5  # so no derivative at all fails
+    assert np.hypot(*here.by_plane[:, 0]) * lift > 4e-6  # so no derivative at all fails
 
 
 def test_a_scanner_that_filters_mixed_pixels_shows_the_edge_in_the_middle_of_the_gap():

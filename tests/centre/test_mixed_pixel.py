@@ -301,3 +301,74 @@ def test_nothing_but_the_background_counts_beyond_wall_and_footprint():
     for name, values in vars(profile).items():
         if name.startswith("d_"):
             np.testing.assert_allclose(values, 0.0, atol=1e-9, err_msg=name)
+
+
+def marched(x, tau, background, thickness, chamfer):
+    """Depth of thin rays, and what they meet: 0 face, 1 chamfer, 2 wall, 3 background."""
+    z = np.linspace(0.0, thickness, 4001)
+    ends = np.where(z < chamfer, z - chamfer, 0.0)  # of the plate at that depth, across the edge
+    inside = x[:, None] - tau * z <= ends
+    depth = np.where(inside.any(axis=1), z[inside.argmax(axis=1)], background)
+    met = np.where(inside.any(axis=1), np.digitize(depth, [1e-9, chamfer]), 3)
+    return depth, met
+
+
+@pytest.mark.parametrize("chamfer", [3e-4, 1e-3])
+@pytest.mark.parametrize("tau", [-1.3, -0.7, -0.2, 0.03, 0.1, 0.4, 1.2])
+def test_of_a_chamfer_the_depth_is_that_of_rays_that_march_to_it(tau, chamfer):
+    """Each surface of its own brightness, to what the strips leave of a jump to the background."""
+    thickness, background, spot = 0.006, 0.05, 0.0015
+    echo = np.array([1.0, 0.7, 0.3, 1.6])
+    u = (np.arange(12_000) + 0.5) / 6000.0 - 1.0
+    x = np.linspace(-0.003, 0.004 + thickness * max(tau, 0.0), 23)
+    truth = []
+    for place in x:
+        depth, met = marched(place + spot * u, tau, background, thickness, chamfer)
+        weight = np.sqrt(1.0 - u * u) * echo[met]
+        truth.append(np.sum(depth * weight) / np.sum(weight))
+    one = np.ones(len(x))
+
+    def depth_of(width):
+        edge = (thickness, echo[3], echo[2], 0.0, 0.0, width, echo[1])
+        return edge_profile(x, tau * one, background * one, spot * one, *edge).depth_m
+
+    changed = np.abs(depth_of(0.0) - depth_of(chamfer)).max()
+    assert changed > 7e-5
+    none = 0.0 if tau > 0.0 else 1e-3 * background  # a wall of 1e-3 s stands for none
+    np.testing.assert_allclose(depth_of(chamfer), truth, atol=1.2e-5 + none)
+
+
+@pytest.mark.parametrize("chamfer", [-2e-4, 0.0, 4e-4])
+def test_slopes_of_a_chamfer_are_those_of_central_differences(chamfer):
+    """Below 0 as well, where the depth goes on smoothly."""
+    rng, count = np.random.default_rng(0), 2000
+    state = {
+        "x_m": rng.uniform(-0.004, 0.008, count),
+        "tau": rng.uniform(-1.3, 1.3, count),
+        "background_m": rng.uniform(0.03, 0.2, count),
+        "spot_m": rng.uniform(0.0012, 0.002, count),
+        "thickness_m": 0.01,
+        "reflectance_ratio": rng.uniform(0.5, 2.0, count),
+        "wall": rng.uniform(0.1, 1.0, count),
+        "shape": 0.4,
+        "chamfer_m": chamfer,
+        "bevel": rng.uniform(0.2, 1.2, count),
+    }
+    profile = edge_profile(**state)
+    shown = {
+        "x_m": (profile.d_x, 1e-6),
+        "tau": (np.where(state["tau"] > 0.0, profile.d_tau, 0.0) + profile.d_lean, 1e-5),
+        "thickness_m": (profile.d_thickness, 1e-6),
+        "wall": (profile.d_wall, 1e-5),
+        "shape": (profile.d_shape, 1e-5),
+        "chamfer_m": (profile.d_chamfer, 1e-6),
+        "bevel": (profile.d_bevel, 1e-5),
+    }
+    for name, (slope, step) in shown.items():
+        ahead, behind = (
+            edge_profile(**(state | {name: state[name] + way * step})).depth_m for way in (1, -1)
+        )
+        seen = (ahead - behind) / (2.0 * step)
+        largest = np.abs(seen).max()
+        assert largest > 0.0 or (name == "bevel" and chamfer == 0.0)
+        assert np.quantile(np.abs(seen - slope), 0.99) <= 2e-3 * largest, name

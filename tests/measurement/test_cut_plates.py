@@ -13,7 +13,7 @@ from wheelplane.measure import fit_target
 from wheelplane.targets import parse_target
 
 CONFIG = Config()
-PLATE = parse_target({"shape": "rectangle", "width": 0.3, "height": 0.2}, "a test")
+PLATE = parse_target({"shape": "rectangle", "width": 0.3, "height": 0.2, "chamfer": 0.0}, "a test")
 SCENE = Setup(spacing_m=0.002, half_m=(0.15, 0.1), half_width_m=0.2)
 CUTS = {  # half planes that are kept, which leave a piece that is about as long as high
     "square": lambda u, v: u < 0.05,

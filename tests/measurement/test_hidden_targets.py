@@ -80,9 +80,10 @@ def board(height_m, low_m=0.03, high_m=0.2):
 def test_a_board_before_a_target_takes_away_its_part_alone(wrong_side):
     """Detection takes the side with more points for the back: here it may be that of the board."""
     scene = DISC_SCENE.but(keep=None, extra=(board(0.02),))
+    sharp = DISC.model_copy(update={"chamfer": 0.0})
     cloud = make(scene, 2)
-    patch = by_truth(cloud, DISC)
-    found = fit_target(patch.turned_round() if wrong_side else patch, DISC, CONFIG)
+    patch = by_truth(cloud, sharp)
+    found = fit_target(patch.turned_round() if wrong_side else patch, sharp, CONFIG)
     fitted = found.target
     assert fitted.method == "rim"
     assert fitted.normal @ cloud.normal > 0.99

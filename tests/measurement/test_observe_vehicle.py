@@ -75,6 +75,9 @@ class Bay:
 def bay(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bay") / "wheels"
     write_capture(folder, 3, trials=0)
+    declaration = folder / "capture.toml"
+    sharp = declaration.read_text().replace("diameter = 0.25", "diameter = 0.25\nchamfer = 0.0")
+    declaration.write_text(sharp)
     truth = json.loads((folder / "truth.json").read_text())
     frame = {name: np.array(truth["frame"][name]) for name in ("origin_m", "left", "forward", "up")}
     rng = np.random.default_rng(1)
@@ -485,7 +488,8 @@ def declared(bay, tmp_path_factory):
     for name in ("truth.json", "five-point.txt"):
         shutil.copy(bay.folder / name, folder)
     way = bay.forward.tolist()
-    (folder / "capture.toml").write_text(f'target = "disc-250"\nfront = {way}\n')
+    disc = '{ shape = "disc", diameter = 0.25, thickness = 0.01, chamfer = 0.0 }'
+    (folder / "capture.toml").write_text(f"target = {disc}\nfront = {way}\n")
     return folder
 
 

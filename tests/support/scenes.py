@@ -61,11 +61,12 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Wall:
-    """The plate's side: the cylinder of `radius` from w = 0 down to w = -thickness."""
+    """The plate's side: the cylinder of `radius` from w = -top down to w = -thickness."""
 
     radius: float
     thickness: float
     echo: float = 1.0
+    top: float = 0.0
 
     def meet(self, origin: Array, ray: Array) -> Array:
         square = np.sum(ray[:, :2] ** 2, axis=1)
@@ -74,12 +75,12 @@ class Wall:
         with np.errstate(divide="ignore", invalid="ignore"):
             run = (-along - np.sqrt(along**2 - square * rest)) / square
         w = origin[:, 2] + run * ray[:, 2]
-        return np.where((run > 0.0) & (w <= 0.0) & (w >= -self.thickness), run, np.inf)
+        return np.where((run > 0.0) & (w <= -self.top) & (w >= -self.thickness), run, np.inf)
 
 
 @dataclass(frozen=True)
 class Cone:
-    """A tyre's sidewall: from radius `inner` at depth `depth` to `outer` at `depth + fall`."""
+    """A sidewall or a chamfer: from radius `inner` at `depth` to `outer` at `depth + fall`."""
 
     inner: float
     outer: float
@@ -172,8 +173,9 @@ class Setup:
     correlated_m, length_m: noise along the range besides, of correlation exp(-d^2 / (2 length^2))
     across the beams at the plate's distance. flatness_m: of the face. hidden: share of the face
     behind a strip, `strip_m` before it. half_m: half widths of a rectangular plate, instead of
-    radius_m. holes: rows (u, v, radius). printed: brightness of the face at places (u, v), which
-    gives the cloud intensities, of relative noise intensity_noise, and weighs the ranges.
+    radius_m. chamfer_m: of a disc's rim. holes: rows (u, v, radius). printed: brightness of the
+    face at places (u, v), which gives the cloud intensities, of relative noise intensity_noise, and
+    weighs the ranges.
     """
 
     radius_m: float = 0.125
@@ -203,6 +205,7 @@ class Setup:
     hidden: float = 0.0
     strip_m: float = 0.15
     half_m: tuple[float, float] | None = None
+    chamfer_m: float = 0.0
     holes: tuple[tuple[float, float, float], ...] = ()
     printed: Callable[[Array, Array], Array] | None = None
     intensity_noise: float = 0.03
@@ -325,6 +328,13 @@ def _pieces(setup: Setup, rng: np.random.Generator) -> list[Piece]:
     if setup.flatness_m:
         face = FoundTarget(setup.radius_m, draw_form(setup.radius_m, setup.flatness_m, rng))
     pieces: list[Piece] = [face, Wall(setup.radius_m, setup.thickness_m)]
+    if setup.chamfer_m:
+        radius, chamfer = setup.radius_m, setup.chamfer_m
+        pieces = [
+            Sheet((0, 0, 0), outer=radius - chamfer),
+            Cone(radius - chamfer, radius, 0.0, chamfer),
+            Wall(radius, setup.thickness_m, top=chamfer),
+        ]
     if setup.half_m is not None:
         face = Sheet((0, 0, 0), half=setup.half_m)
         pieces = [face, *_straight_walls(setup.half_m, setup.thickness_m)]

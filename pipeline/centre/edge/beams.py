@@ -165,12 +165,13 @@ def mixed_share_of_few(
     return float(np.count_nonzero(mixed) / max(int(np.count_nonzero(near)), 1))
 
 
-# A state is (12,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
+# A state is (13,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
 # ratio, in-plane rotation, Lambert's share in the wall's reflectance, spot shape, growth: how much
-# farther out the target's edge lies than its stated size, all round.
+# farther out the target's edge lies than its stated size, all round, and width of its chamfer.
+STATE = 13
 CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
 SPOT, THICKNESS, RATIO, ROTATION = 5, 6, 7, 8
-WALL, SHAPE, GROWTH = 9, 10, 11
+WALL, SHAPE, GROWTH, CHAMFER = 9, 10, 11, 12
 LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
 RATIO_LOG = 1.5  # of the log of a reflectance ratio (k = 1)
 EXPONENT_LOG = 0.5  # of the exponent by which intensities follow power (k = 1)
@@ -181,6 +182,8 @@ HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 
 HELD_SIZE_M = 1e-5  # of an edge of the stated size (k = 1)
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
 SIZE_M = 1e-4  # of a target's radius, or half its width, against the stated one (k = 1)
+CHAMFER_M, STATED_CHAMFER_M = 3e-4, 5e-5  # of an edge's chamfer, not stated; stated (k = 1)
+ALIKE_CHAMFER_M = 1e-4  # of the chamfers of two edges of one plate (k = 1)
 WRONG_SIZE_M = 1e-3  # of a radius that is wrong (k = 1)
 STATION_M = 0.005  # of a scanner's stated position against the origin of its beams (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
@@ -189,24 +192,27 @@ MIN_DEPTH_M = 0.006  # least depth of a background
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of the state: mean and weight, one over the variance; (12,) each."""
+    """Prior of the state: mean and weight, one over the variance; (13,) each."""
 
     mean: Array
     weight: Array
 
     @classmethod
     def of(cls, thickness_m: float | None, config: CentreConfig) -> Prior:
-        """Return the prior for a target of that thickness, if known, and the set footprint."""
+        """Return the prior for a target of that thickness, if known, and the set footprint.
+
+        Of sharp edges, see `bevelled` and `of_chamfer`.
+        """
         known = thickness_m is not None
         thickness = thickness_m if thickness_m is not None else 0.008
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
-        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0])
+        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0])
         known_log = STATED_THICKNESS if known else WRONG_THICKNESS
         sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, RATIO_LOG, ROTATION_RAD]
-        return cls(mean, 1.0 / np.array([*sigma, 0.5, 0.5, SIZE_M]) ** 2)
+        return cls(mean, 1.0 / np.array([*sigma, 0.5, 0.5, SIZE_M, HELD_SIZE_M]) ** 2)
 
     def seen_from(self, station: Array, state: Array) -> Prior:
-        """Return the prior for beams that come from a station (3,), about a state (12,)."""
+        """Return the prior for beams that come from a station (3,), about a state (13,)."""
         mean, weight = pointed(self.mean, station, state[CENTRE]), self.weight.copy()
         slant = 1.0 + float(mean[BEAM] @ mean[BEAM])
         weight[BEAM] = (station[2] / STATION_M) ** 2 / slant
@@ -214,13 +220,13 @@ class Prior:
         return Prior(mean, weight)
 
     def from_afar(self, state: Array) -> Prior:
-        """Return the prior for beams from about the distance of a state (12,)."""
+        """Return the prior for beams from about the distance of a state (13,)."""
         mean = self.mean.copy()
         mean[INVERSE] = state[INVERSE]
         return Prior(mean, self.weight)
 
     def held(self, state: Array) -> Prior:
-        """Return the prior with thickness and beams held near the start (12,)."""
+        """Return the prior with thickness and beams held near the start (13,)."""
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[BEAM] = state[BEAM]
         weight[BEAM] = np.maximum(weight[BEAM], HELD_BEAM**-2)
@@ -233,6 +239,18 @@ class Prior:
         if thickness_m is not None:
             mean[THICKNESS] = np.log(thickness_m)
         return Prior(mean, self.weight)
+
+    def bevelled(self) -> Prior:
+        """Return the prior of an edge that may have a chamfer, instead of a sharp one."""
+        return self._known_to(CHAMFER_M, CHAMFER)
+
+    def of_chamfer(self, chamfer_m: float | None) -> Prior:
+        """Return the prior with a chamfer of that width; None: the same."""
+        if chamfer_m is None:
+            return self
+        mean = self.mean.copy()
+        mean[CHAMFER] = chamfer_m
+        return Prior(mean, self.weight)._known_to(STATED_CHAMFER_M, CHAMFER)
 
     def by_power(self) -> Prior:
         """Return the prior for a scanner that parts returns by power: a wall by Lambert's law.
@@ -266,7 +284,7 @@ class Prior:
         return Prior(mean, weight).sized()
 
     def off(self, state: Array, which: slice = slice(None)) -> float:
-        """Return the square of how far a state (12,) lies from the mean, in standard deviations."""
+        """Return the square of how far a state (13,) lies from the mean, in standard deviations."""
         return float(np.sum(self.weight[which] * (state - self.mean)[which] ** 2))
 
     def unsized(self) -> Prior:
@@ -292,18 +310,18 @@ class Prior:
 
     @classmethod
     def beside(cls, state: Array) -> Prior:
-        """Return the prior for another edge of a target whose first edge has that state (12,).
+        """Return the prior for another edge of a target whose first edge has that state (13,).
 
         Both are of one plate, whose thickness a hole shows worse than the rim.
         """
-        sigma = [0.01, 0.01, 0.02, 0.02, 0.03, 0.2, 0.05, 0.7, ROTATION_RAD, 0.2, 0.2, SIZE_M]
+        sigma = [0.01, 0.01, 0.02, 0.02, 0.03, 0.2, 0.05, 0.7, ROTATION_RAD, 0.2, 0.2]
         mean = state.copy()
         mean[GROWTH] = 0.0
-        return cls(mean, 1.0 / np.array(sigma) ** 2)
+        return cls(mean, 1.0 / np.array([*sigma, SIZE_M, ALIKE_CHAMFER_M]) ** 2)
 
 
 def pointed(state: Array, station: Array, centre: Array) -> Array:
-    """Return a state (12,) whose beams come from a station (3,) to a centre (2,)."""
+    """Return a state (13,) whose beams come from a station (3,) to a centre (2,)."""
     state = state.copy()
     state[BEAM] = (centre - station[:2]) / station[2]
     state[INVERSE] = 1.0 / station[2]
@@ -341,6 +359,25 @@ def wall_reflectance(wall: Array, state: Array) -> tuple[Array, Array]:
     """
     plain = 1.0 + state[WALL] * (wall - 1.0)
     return np.maximum(plain, LEAST_WALL), (plain > LEAST_WALL).astype(np.float64)
+
+
+def bevel_reflectance(tau: Array, state: Array) -> Array:
+    """Return the reflectance of a chamfer over the face's (N,).
+
+    tau: (N,) signed tangent of the incidence against the wall; by Lambert's law (1 + tau) / sqrt 2.
+    """
+    return np.asarray(np.maximum(1.0 + state[WALL] * _dimmer(tau), LEAST_WALL))
+
+
+def bevel_slopes(tau: Array, state: Array) -> tuple[Array, Array]:
+    """Return the derivatives (N,) of `bevel_reflectance` by tau, and by Lambert's share."""
+    dimmer = _dimmer(tau)
+    shown = 1.0 + state[WALL] * dimmer > LEAST_WALL
+    return np.where(shown, state[WALL] / np.sqrt(2.0), 0.0), np.where(shown, dimmer, 0.0)
+
+
+def _dimmer(tau: Array) -> Array:
+    return np.asarray((1.0 + tau) / np.sqrt(2.0) - 1.0)
 
 
 def footprint_m(tau: Array, state: Array) -> Array:

@@ -29,6 +29,7 @@ from .beams import (
     RATIO,
     SHAPE,
     SPOT,
+    STATE,
     THICKNESS,
     WALL,
     Beams,
@@ -123,7 +124,7 @@ def gapped_equations(
 
 @dataclass(frozen=True)
 class _Parted:
-    """Where returns part by the slope of the wall against the beams: state (12,), slopes tau (K,).
+    """Where returns part by the slope of the wall against the beams: state (13,), slopes tau (K,).
 
     tau: evenly spaced. tables: x* and its derivatives (8, K), of points on the target and of those
     beside it; one of both. filtered: whether beams are missing on both sides of x*.
@@ -200,7 +201,7 @@ def fanned(beams: Beams, state: Array) -> Beams:
 
 
 def first_state(state: Array) -> Array:
-    """Return a state (12,) whose wall parts from the background as the face does."""
+    """Return a state (13,) whose wall parts from the background as the face does."""
     state = state.copy()
     state[WALL] = FACE
     return state
@@ -262,8 +263,8 @@ def by_backgrounds_m(linear: Equations) -> float:
 
 
 def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Array) -> EdgeProfile:
-    """Return the mean depth of face and wall alone."""
-    return edge_profile(
+    """Return the mean depth of face and wall alone, of a sharp edge."""
+    profile = edge_profile(
         x_m,
         tau,
         np.zeros(len(x_m)),
@@ -274,6 +275,7 @@ def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Arra
         float(state[SHAPE]),
         slant,
     )
+    return replace(profile, d_chamfer=0.0)
 
 
 def _edge_table(tau: Array, state: Array) -> Array:
@@ -345,7 +347,7 @@ def mean_depths(
     residual[parts] -= profile.depth_m
     variance[parts] += (profile.d_x * POINTING_M) ** 2
     weight, change = robust_weight(residual**2 / variance, robust)
-    slopes, by_height = np.zeros((12, len(rows))).T, np.ones(len(rows))
+    slopes, by_height = np.zeros((STATE, len(rows))).T, np.ones(len(rows))
     slopes[parts] = profile_slopes(profile, cut, profile.depth_m if consistent else z[parts], state)
     by_height[parts] -= profile.d_x * cut.tau * cut.shrink
     return (

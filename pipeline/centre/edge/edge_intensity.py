@@ -22,6 +22,7 @@ from .beams import (
     RATIO,
     SHAPE,
     SPOT,
+    STATE,
     THICKNESS,
     Beams,
     footprint_m,
@@ -187,7 +188,11 @@ def _intensities(
     parts = reaching(beams.x_m, beams.tau, state)
     cut = beams.taken(parts)
     profile = intensity_profile(cut, state)
-    model, d_x, slopes = np.ones(len(chosen)), np.zeros(len(chosen)), np.zeros((12, len(chosen))).T
+    model, d_x, slopes = (
+        np.ones(len(chosen)),
+        np.zeros(len(chosen)),
+        np.zeros((STATE, len(chosen))).T,
+    )
     model[parts], d_x[parts] = profile.depth_m, profile.d_x
     slopes[parts] = profile_slopes(profile, cut, problem.depth[chosen[parts]], state)
     residual = _known(problem)[chosen] - model

@@ -13,6 +13,7 @@ from ...targets import Outline, sector
 from ...vectors import Array, Mask, Rows
 from .beams import (
     BEAM,
+    CHAMFER,
     GROWTH,
     RATIO,
     SHAPE,
@@ -22,6 +23,8 @@ from .beams import (
     Background,
     Beams,
     Prior,
+    bevel_reflectance,
+    bevel_slopes,
     carry,
     carry_near,
     footprint_m,
@@ -35,7 +38,7 @@ POINTING_M = 1.5e-4  # standard uncertainty of x by beam pointing and scan grid
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
 ZONES = 48  # of the outline, each with a reflectance of its background; within one sector each
-LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 5e-4])  # of a step
+LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 5e-4, 5e-4])
 ZONE_LOG, ALIKE_LOG = 1.0, 1e-4  # scatter of their logs: where they may differ, and where not
 CHANCE = 1.5  # standard deviations of what zones explain by chance
 LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
@@ -138,7 +141,7 @@ class Equations:
     """Points near the edge, linearised: residual = slopes @ step.
 
     q_m: (N, 2) where their beams met the plane, relative to the centre; share: (N,) of the outline.
-    residual_m: (N,). slopes: (N, 12). weight: (N,) robust, over the variance. change: (N,)
+    residual_m: (N,). slopes: (N, 13). weight: (N,) robust, over the variance. change: (N,)
     derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
     by the plane's height. depths: number of first rows that are
     depths; the others are places of the edge, the last `behind` of them on the background.
@@ -229,16 +232,16 @@ class Equations:
     def by_zone(self, weight: Array) -> tuple[Array, Array]:
         """Return the products of slopes by zones' ratios and by the state, weighted (N,).
 
-        (ZONES,) with each zone itself and its prior, (12, ZONES) with the state.
+        (ZONES,) with each zone itself and its prior, (13, ZONES) with the state.
         """
         d = self.slopes[:, RATIO]
         cross = np.stack([self.zone_sum(weight * d * column) for column in self.slopes.T])
         return cross[RATIO] + self.zones.weight, cross
 
     def eliminated(self, own: Array, cross: Array, prior: Prior) -> tuple[Array, Array]:
-        """Return slopes (N, 12) without what the zones' ratios take, and what is known before.
+        """Return slopes (N, 13) without what the zones' ratios take, and what is known before.
 
-        own, cross: as of `by_zone`. (12, 12) of the prior, and of that of the zones.
+        own, cross: as of `by_zone`. (13, 13) of the prior, and of that of the zones.
         """
         slopes = self.slopes - (cross / own).T[self.zone] * self.slopes[:, RATIO, None]
         return slopes, np.diag(prior.weight) + cross / own**2 * self.zones.weight @ cross.T
@@ -303,7 +306,7 @@ def predicted(
     behind, behind_slope = background.at(part, beams.x_m)
     profile = edge_profile(
         beams.x_m,
-        facing,
+        beams.tau,
         behind,
         footprint_m(beams.tau, state),
         float(np.exp(state[THICKNESS])),
@@ -311,6 +314,8 @@ def predicted(
         wall_reflectance(facing, state)[0],
         float(state[SHAPE]),
         beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
+        float(state[CHAMFER]),
+        bevel_reflectance(beams.tau, state),
     )
     profile = replace(profile, d_x=profile.d_x + profile.background_light * behind_slope)
     rough = profile.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
@@ -320,7 +325,7 @@ def predicted(
 def step(
     linear: Equations, state: Array, prior: Prior, newton: bool = False
 ) -> tuple[Array, Zones]:
-    """Return one robust Gauss-Newton step (12,) of limited length, and the zones after it.
+    """Return one robust Gauss-Newton step (13,) of limited length, and the zones after it.
 
     The zones' ratios are eliminated (Schur complement). newton: near a solution, with the
     derivative of the estimating equations instead of the information.
@@ -369,7 +374,7 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
 def spread(
     linear: Equations, outline: Outline, prior: Prior, few: bool = False
 ) -> tuple[Array, Array, float]:
-    """Return covariance (12, 12) of the state, derivatives (12, 3) by the plane, and dof.
+    """Return covariance (13, 13) of the state, derivatives (13, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
     of the outline: the variances in the weights need not be right, nor the points of a sector
@@ -396,7 +401,7 @@ def spread(
 def stretched(
     linear: Equations, outline: Outline, prior: Prior, state: Array
 ) -> tuple[Equations, Prior, Array] | None:
-    """Return equations and prior with one more parameter, and the state (13,) after a step.
+    """Return equations and prior with one more parameter, and the state (14,) after a step.
 
     By how much the sides across u lie farther out than stated, and those across v farther in: a
     wrong width moves them as a thicker wall and another centre do. Its score at the solution
@@ -444,7 +449,7 @@ def _variance(linear: Equations, dof: float) -> float:
 def _squares(
     linear: Equations, slopes: Array, part: npt.NDArray[np.int64], information: Array
 ) -> Array:
-    """Return the sum of the squared estimating equations by sectors (12, 12).
+    """Return the sum of the squared estimating equations by sectors (13, 13).
 
     Residuals are smaller than errors, since each sector pulls the solution to itself: with the
     share H of a sector in the information, its equations are taken over sqrt(1 - H).
@@ -465,7 +470,7 @@ def _squares(
 
 
 def _inverse(change: Array, information: Array) -> Array:
-    """Return the inverse of the derivative of the estimating equations, (12, 12) each.
+    """Return the inverse of the derivative of the estimating equations, (13, 13) each.
 
     By chance residuals where Tukey's influence falls may take almost all of the information in one
     direction, of which LEAST_CHANGE is kept.
@@ -486,7 +491,7 @@ def robust_weight(square: Array, converged: bool) -> tuple[Array, Array]:
 
 
 def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
-    """Return derivatives of the depth by the state, (N, 12), by the chain rule over x and tau.
+    """Return derivatives of the depth by the state, (N, 13), by the chain rule over x and tau.
 
     With J a rotation by 90 degrees: d rho = curve (1 - rho rho') dq, and by the in-plane rotation,
     J rho - that of J q.
@@ -494,7 +499,9 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
     beam, rho, q = state[BEAM], beams.rho.T, beams.q_m.T
     wall = np.maximum(beams.tau, 0.0)
     d_wall = profile.d_wall * wall_reflectance(wall, state)[1]
+    bevel_by_tau, by_lambert = bevel_slopes(beams.tau, state)
     facing = np.where(beams.tau > 0.0, profile.d_tau + state[WALL] * d_wall, 0.0)
+    facing = facing + profile.d_lean + profile.d_bevel * bevel_by_tau
     across = beam[:, None] - (beam @ rho) * rho
     d_x = profile.d_x
     by_centre = across * (beams.shrink * beams.curve * facing) - rho * (d_x * beams.shrink)
@@ -510,9 +517,10 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
             profile.d_thickness * np.exp(state[THICKNESS]),
             profile.d_log_ratio,
             -d_x * _dot(rho, J_q) + facing * tau_by_rotation,
-            d_wall * (wall - 1.0),
+            d_wall * (wall - 1.0) + profile.d_bevel * by_lambert,
             profile.d_shape,
             -d_x,
+            profile.d_chamfer + 0.0 * d_x,
         ]
     ).T
 

@@ -12,32 +12,34 @@ from collections.abc import Callable
 import numpy as np
 
 from ...vectors import Array
-from .beams import BEAM, CENTRE, RATIO, SPOT, WALL, Background
+from .beams import BEAM, CENTRE, CHAMFER, RATIO, SPOT, STATE, WALL, Background
 from .edge_residuals import EdgeProblem, Zones, predicted
 from .solution import Solution
 
 STARTS, SEED = 16, 1  # besides the given one
-APART = np.zeros(12)  # scatter of the starts (k = 1)
+APART, SCATTERED = np.zeros(STATE), slice(CHAMFER)  # scatter of the starts (k = 1); not chamfers
 APART[CENTRE], APART[BEAM], APART[RATIO], APART[WALL] = 8e-4, 0.02, 0.3, 0.4
 UNKNOWN = 4.0  # loss of a point before a background that is not known: of 5 standard deviations
 
 
 def likeliest(problem: EdgeProblem, begin: Array, solve: Callable[[Array], Solution]) -> Solution:
-    """Return the likeliest of the solutions from a state (12,), and from others about it.
+    """Return the likeliest of the solutions from a state (13,), and from others about it.
 
     Every second start lies about the likeliest solution so far.
     """
     best, rng = solve(begin), np.random.default_rng(SEED)
     for number in range(STARTS):
         about = best.state if number % 2 else begin
-        found = solve(about + APART * rng.standard_normal(12))
+        start = about.copy()
+        start[SCATTERED] += APART[SCATTERED] * rng.standard_normal(CHAMFER)
+        found = solve(start)
         if is_likelier(problem, found.state, best.state):
             best = found
     return best
 
 
 def is_likelier(problem: EdgeProblem, state: Array, other: Array) -> bool:
-    """Return whether a state (12,) is likelier than another before the background of either.
+    """Return whether a state (13,) is likelier than another before the background of either.
 
     Each finds a background of its own, with sectors of its own that show none: a loss before that
     alone would count for more than the edge.

@@ -26,6 +26,7 @@ from .beam_direction import (
 from .beams import (
     BEAM,
     CENTRE,
+    CHAMFER,
     INVERSE,
     RING_M,
     ROTATION,
@@ -55,7 +56,7 @@ NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 
 @dataclass(frozen=True)
 class Aim:
-    """Start of a fit: state (12,); station (3,) that its beams come from, if one is known."""
+    """Start of a fit: state (13,); station (3,) that its beams come from, if one is known."""
 
     state: Array
     station: Array | None = None
@@ -68,18 +69,19 @@ def fit_edge(
     sigma_m: float,
     config: CentreConfig,
     begin: Aim | EdgeFit,
+    chamfer_m: float | None = None,
 ) -> EdgeFit | None:
     """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
     (N, 4) with their intensities, of that of the face, NaN where unknown.
 
     Where there are no mixed pixels, to the points on both sides of it (clean_edge.py).
-    thickness_m: of the target, where known. begin: where to start, as `aimed` returns it, or the
-    fit of another edge of the same target, whose beams are the same.
+    thickness_m, chamfer_m: of the target, where known. begin: where to start, as `aimed` returns
+    it, or the fit of another edge of the same target, whose beams are the same.
     None where less than a quarter of the edge has a background, or the scanner has filtered out the
     beams at the edge.
     """
-    problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin)
+    problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m)
     if problem.few:
         fitted = fit_mixed(problem, state, thickness_m, config)
         share = _mixed_share_of_few(problem, fitted.state if fitted else state)
@@ -104,7 +106,7 @@ def fit_edge(
 
 
 def _mixed_share_of_few(problem: EdgeProblem, state: Array) -> float:
-    """Return the share of the points next to the edge that a state (12,) leaves to mixed pixels."""
+    """Return the share of the points next to the edge that a state (13,) leaves to mixed pixels."""
     beams = problem.beams(state)
     background = problem.background(state)
     deepest_m = target_depth_m(state, problem.sigma_m)
@@ -118,12 +120,13 @@ def fit_intensities(
     sigma_m: float,
     config: CentreConfig,
     begin: Aim,
+    chamfer_m: float | None = None,
 ) -> EdgeFit | None:
     """Fit an outline to the intensities of points uvw_m (N, 4), and not to what is behind.
 
     Nothing but the returns of a wall shows the beams' direction: None where that counts.
     """
-    problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin)
+    problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m)
     found = by_intensity(problem, state, config.max_iterations)
     if found is None or float(np.hypot(*found.beam)) > MOST_UNSEEN:
         return None
@@ -137,14 +140,17 @@ def _problem(
     sigma_m: float,
     config: CentreConfig,
     begin: Aim | EdgeFit,
+    chamfer_m: float | None,
 ) -> tuple[EdgeProblem, Array]:
-    """Return the points near the edge with their prior, and the state (12,) to start from."""
+    """Return the points near the edge with their prior, and the state (13,) to start from."""
     if isinstance(begin, EdgeFit):
         prior, station = Prior.beside(begin.state), None
         state = prior.mean
     else:
         prior, station, state = Prior.of(thickness_m, config), begin.station, begin.state
         prior = prior.from_afar(state)
+    prior, state = prior.of_chamfer(chamfer_m), state.copy()
+    state[CHAMFER] = prior.mean[CHAMFER]
     beside = outside_m(uvw_m[:, :2], -uvw_m[:, 2], state, outline)
     near = uvw_m[np.abs(beside) < _reach_m(state)]
     near = near[sample_rows(near[:, :3], config.max_points)]
@@ -216,7 +222,7 @@ def look_behind(
 ) -> Behind:
     """Return what lies behind an outline at a start, by the points uvw_m (N, 3) about it.
 
-    state: (12,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
+    state: (13,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
     """
     plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
     begin = Prior.of(None, config).mean

@@ -13,7 +13,9 @@ from ...vectors import Array
 from .beams import (
     BEAM,
     CENTRE,
+    CHAMFER,
     GROWTH,
+    HELD_SIZE_M,
     INVERSE,
     RATIO,
     ROTATION,
@@ -23,6 +25,7 @@ from .beams import (
     STATED_THICKNESS,
     THICKNESS,
     WALL,
+    Background,
     Prior,
 )
 from .edge_residuals import UNEVEN_SECTORS, ZONES, EdgeProblem, Zones, equations, step, zone_scatter
@@ -58,6 +61,7 @@ OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than st
 TENSE, MOST_TENSE = 2.0, 6.0
 LIKELY = 3.0  # standard deviations of a size that may be so
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
+LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 1e-3  # that an edge may seem to have, and may have
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
 # square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
@@ -79,7 +83,7 @@ def fit_mixed(
     steep = float(np.hypot(*state[BEAM])) > STEEP
     if steep:  # footprint and beams would diverge with the wall
         problem = replace(problem, prior=problem.prior.plain())
-    problem, found = _best(problem, state, config.max_iterations)
+    problem, found = _with_chamfer(*_best(problem, state, config.max_iterations), config)
     if steep and thickness_m is not None and _is_strange(found, problem.prior):
         held = replace(problem, prior=problem.prior.held(state))
         _, found = _best(held, state, config.max_iterations)
@@ -98,7 +102,7 @@ def fit_mixed(
     if problem.few:
         other = _again(doubted, found, config.max_iterations)
     else:
-        _, other = _best(doubted, state, config.max_iterations)
+        doubted, other = _with_chamfer(*_best(doubted, state, config.max_iterations), config)
         if _reaches_background(other):
             other = _again(doubted, found, config.max_iterations)
     free, worse = _recorded(other, doubted), explains_less(other, found)
@@ -188,6 +192,30 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, S
     return problem, again if likely and again.state[INVERSE] > 0.0 else found
 
 
+def _with_chamfer(
+    problem: EdgeProblem, sharp: Solution, config: CentreConfig
+) -> tuple[EdgeProblem, Solution]:
+    """Return the problem of an edge that may have a chamfer, with its solution from a sharp one's.
+
+    The latter where a chamfer is stated; where the plate may be of another size, which a chamfer
+    would explain as well; or where the data ask for one that is none, below 0 or wide.
+    """
+    steep = float(np.hypot(*sharp.state[BEAM])) > STEEP
+    stated = problem.prior.weight[CHAMFER] < HELD_SIZE_M**-2
+    resized = abs(float(sharp.state[GROWTH])) > OTHER_SIZE_M
+    if stated or steep or resized or problem.few or sharp.last_m > CONVERGED_M:
+        return problem, sharp
+    may = replace(problem, prior=problem.prior.bevelled())
+    found = _converge(
+        may.about(sharp.state), sharp.state, sharp.zones, config.max_iterations, True,
+        sharp.background,
+    )  # fmt: skip
+    chamfer_m = float(found.state[CHAMFER])
+    if found.last_m > CONVERGED_M or not LEAST_CHAMFER_M < chamfer_m < MOST_CHAMFER_M:
+        return problem, sharp
+    return may, found
+
+
 def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, Solution]:
     """Return the problem without sectors that contradict their background, and its solution.
 
@@ -270,13 +298,20 @@ def _diverged(state: Array, first: Array, prior: Prior) -> bool:
 
 
 def _converge(
-    problem: EdgeProblem, state: Array, zones: Zones, most: int, consistent: bool
+    problem: EdgeProblem,
+    state: Array,
+    zones: Zones,
+    most: int,
+    consistent: bool,
+    background: Background | None = None,
 ) -> Solution:
-    """Iterate steps, Newton's near a solution, until the centre converges, from a new look-up.
+    """Iterate steps, Newton's near a solution, until the centre converges.
 
-    consistent: with slopes at the profile's depth; a first fit has others, and ROUGH_POINTS.
+    background: None: by a new look-up. consistent: with slopes at the profile's depth; a first fit
+    has others, and ROUGH_POINTS.
     """
-    background = problem.background(state)
+    if background is None:
+        background = problem.background(state)
     length, before = 1.0, np.zeros(2)
     if not consistent:
         most, problem = min(most, MOST_ROUGH), problem.of_some(ROUGH_POINTS)

@@ -1,7 +1,8 @@
 """Model of a mixed pixel: the range returned near a target's edge by a footprint of finite size.
 
 A beam that meets the target's plane at the signed distance x outside the edge meets: the target
-(depth 0); its side wall, where that faces the scanner (depth x / tau, down to the thickness T at
+(depth 0); the chamfer of its edge, 45 degrees and c wide (depth (x + c) / (1 + tau), from x = -c to
+x = c tau); its side wall, where that faces the scanner (depth x / tau, down to the thickness T at
 x = T tau); then the background (depth B). tau is the tangent of the incidence against the wall: how
 far the beam runs inwards for each metre of depth. The returned range is the mean of that profile
 over the footprint, weighted by reflectance: of the target 1, of the wall and of the background
@@ -19,6 +20,7 @@ import numpy as np
 from ...vectors import Array
 
 UNIFORM, GAUSSIAN = 0.0, 1.0
+HIDDEN = -0.999  # slope of beams along a chamfer
 END, _STEPS = 2.0, 8000  # of the tables, in radii on both sides
 
 
@@ -127,8 +129,9 @@ class EdgeProfile:
     """Mean depth (N,) over the footprint, and its derivatives, (N,) each.
 
     The derivatives are by x, tau, log footprint radius, thickness, log reflectance ratio of the
-    background, reflectance of the wall, and shape of the footprint. background_share: of the
-    footprint; background_light: of what is returned.
+    background, reflectance of the wall, shape of the footprint, chamfer, tau at the chamfer (d_tau:
+    at the wall), and reflectance of the chamfer.
+    background_share: of the footprint; background_light: of what is returned.
     """
 
     depth_m: Array
@@ -141,6 +144,9 @@ class EdgeProfile:
     d_shape: Array
     background_share: Array
     background_light: Array
+    d_chamfer: Array | float = 0.0
+    d_lean: Array | float = 0.0
+    d_bevel: Array | float = 0.0
 
 
 def edge_profile(
@@ -153,48 +159,74 @@ def edge_profile(
     wall: Array | float = 1.0,
     shape: float = UNIFORM,
     slant: Array | float = 0.0,
+    chamfer_m: float = 0.0,
+    bevel: Array | float = 1.0,
 ) -> EdgeProfile:
     """Return the depth behind the target that a beam at x_m (N,) returns; all (N,), metres.
 
-    reflectance_ratio e: of background over target, wall o: of wall over target. With w = T tau,
-    a = x/s, b = (x - w)/s, the share of the background is F(b), that of the wall F(a) - F(b), its
-    mean depth there from M = s/w (G(a) - G(b)), the mean of F over the wall:
-    depth = (o T (M - F(b)) + e B F(b)) / (1 - F(a) + o (F(a) - F(b)) + e F(b)).
+    Edges of the surfaces lie at x_0 = -c, the face's, x_1 = c tau, the chamfer's, and x_2, that of
+    the wall, T tau where it faces the scanner. Of F and its integral G at (x - x_i)/s, the means of
+    F over the chamfer and the wall are M_01 and M_12, M_ij = s/(x_j - x_i) (G_i - G_j). With the
+    reflectances b, o and e of chamfer, wall and background over that of the face
+    depth = (b c (M_01 - F_1) + o (c (F_1 - F_2) + (T - c) (M_12 - F_2)) + e B F_2) /
+    (1 - F_0 + b (F_0 - F_1) + o (F_1 - F_2) + e F_2),
+    which is smooth in c about 0, also below. From tau = -1 on the chamfer is hidden.
     slant: by which a surface parallel to the target is deeper per distance inwards from the beam's
     axis. Parts of the footprint lie beside it; where all are of one brightness that cancels.
     """
-    width = np.maximum(thickness_m * tau, 1e-3 * spot_m)  # a narrower wall acts as none
-    a, b = x_m / spot_m, (x_m - width) / spot_m
+    c, T, e, o, b = chamfer_m, thickness_m, reflectance_ratio, wall, bevel
+    seen = np.maximum(tau, HIDDEN)  # as the chamfer sees it
+    run, facing = 1.0 + seen, np.maximum(tau, 0.0)
+    width = np.maximum((T - c) * facing, 1e-3 * spot_m)  # a narrower wall acts as none
+    x_1 = x_m - c * seen
     spot = profile_of(shape)
-    at_a, at_b = spot.at(a), spot.at(b)
-    Fa, Fb = at_a.share, at_b.share
-    fa, fb = at_a.density / spot_m, at_b.density / spot_m
-    M = (at_a.integral - at_b.integral) * spot_m / width
-    e, o, T = reflectance_ratio, wall, thickness_m
-    light = 1.0 - Fa + o * (Fa - Fb) + e * Fb
-    m_a, m_b = slant * spot_m * at_a.moment, slant * spot_m * at_b.moment
-    depth = (o * T * (M - Fb) + e * background_m * Fb + (1.0 - o) * m_a + (o - e) * m_b) / light
+    at = [spot.at(x / spot_m) for x in (x_m + c, x_1, x_1 - width)]
+    F_0, F_1, F_2 = (one.share for one in at)
+    f_0, f_1, f_2 = (one.density / spot_m for one in at)
+    m_0, m_1, m_2 = (slant * spot_m * one.moment for one in at)
+    H = (at[0].integral - at[1].integral) * spot_m  # c (1 + tau) M_01
+    M = (at[1].integral - at[2].integral) * spot_m / width
+    light = 1.0 - F_0 + b * (F_0 - F_1) + o * (F_1 - F_2) + e * F_2
+    on_bevel, on_wall = H / run - c * F_1, c * (F_1 - F_2) + (T - c) * (M - F_2)
+    beside = (1.0 - b) * m_0 + (b - o) * m_1 + (o - e) * m_2
+    depth = (b * on_bevel + o * on_wall + e * background_m * F_2 + beside) / light
 
-    def change(d_Fa: Array | float, d_Fb: Array | float, d_M: Array | float) -> Array:
-        """Return the depth's change with F(a), F(b) and M, (N,) each."""
-        by_a, by_b = depth * (1.0 - o), e * (background_m - depth) - o * (T - depth)
-        return np.asarray((by_a * d_Fa + by_b * d_Fb + o * T * d_M) / light)
+    def change(d_F: tuple[Array | float, ...], d_H: Array | float, d_M: Array | float) -> Array:
+        """Return the depth's change with F_0, F_1, F_2, H and M, (N,) each."""
+        by = (
+            (1.0 - b) * depth,
+            (b - o) * (depth - c),
+            e * (background_m - depth) - o * (T - depth),
+        )
+        moved = sum(one * d for one, d in zip(by, d_F, strict=True))
+        return np.asarray((moved + b / run * d_H + o * (T - c) * d_M) / light)
 
-    d_width = np.where(width > 1e-3 * spot_m, change(0.0, -fb, (Fb - M) / width), 0.0)
+    d_width = np.where(width > 1e-3 * spot_m, change((0.0, 0.0, -f_2), 0.0, (F_2 - M) / width), 0.0)
+    d_x_1 = change((0.0, -f_1, -f_2), F_1, (F_2 - F_1) / width)
+    tilted = (1.0 - b) * (x_m + c) * f_0 + (b - o) * x_1 * f_1 + (o - e) * (x_1 - width) * f_2
     return EdgeProfile(
         depth_m=depth,
-        d_x=change(fa, fb, (Fa - Fb) / width)
-        - slant * ((1.0 - o) * x_m * fa + (o - e) * (x_m - width) * fb) / light,
-        d_tau=d_width * T,
-        d_log_spot=change(-x_m * fa, -b * spot_m * fb, M - (a * Fa - b * Fb) * spot_m / width),
-        d_thickness=o * (M - Fb) / light + d_width * tau,
-        d_log_ratio=e * (Fb * (background_m - depth) - m_b) / light,
-        d_wall=(T * (M - Fb) - depth * (Fa - Fb) + m_b - m_a) / light,
-        d_shape=change(
-            at_a.share_by_shape,
-            at_b.share_by_shape,
-            (at_a.integral_by_shape - at_b.integral_by_shape) * (spot_m / width),
+        d_x=change((f_0, f_1, f_2), F_0 - F_1, (F_1 - F_2) / width) - slant * tilted / light,
+        d_tau=d_width * (T - c),
+        d_log_spot=change(
+            (-(x_m + c) * f_0, -x_1 * f_1, -(x_1 - width) * f_2),
+            H - ((x_m + c) * F_0 - x_1 * F_1),
+            M - (x_1 * F_1 - (x_1 - width) * F_2) / width,
         ),
-        background_share=Fb,
-        background_light=e * Fb / light,
+        d_thickness=o * (M - F_2) / light + d_width * facing,
+        d_log_ratio=e * (F_2 * (background_m - depth) - m_2) / light,
+        d_wall=(on_wall - depth * (F_1 - F_2) + m_2 - m_1) / light,
+        d_shape=change(
+            tuple(one.share_by_shape for one in at),
+            (at[0].integral_by_shape - at[1].integral_by_shape) * spot_m,
+            (at[1].integral_by_shape - at[2].integral_by_shape) * (spot_m / width),
+        ),
+        background_share=F_2,
+        background_light=e * F_2 / light,
+        d_chamfer=change((f_0, 0.0, 0.0), F_0, 0.0)
+        + seen * d_x_1
+        - facing * d_width
+        + (o * (F_1 - M) - b * F_1) / light,
+        d_lean=np.where(tau > HIDDEN, c * d_x_1 - b * H / run**2 / light, 0.0),
+        d_bevel=(on_bevel - depth * (F_0 - F_1) + m_1 - m_0) / light,
     )

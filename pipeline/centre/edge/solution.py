@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,12 +13,14 @@ from ...vectors import Array, Mask
 from .beams import (
     BEAM,
     CENTRE,
+    CHAMFER,
     GROWTH,
     INVERSE,
     RATIO,
     ROTATION,
     SHAPE,
     SPOT,
+    STATE,
     THICKNESS,
     WALL,
     Background,
@@ -31,8 +34,9 @@ SETTLED = 0.2  # share of u that a step may still be, then
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
 OUTLIER = 4.0  # square of an outlier, over its variance
 MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
-STRETCH = 12  # place in a state that has one
+STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
+FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
@@ -51,9 +55,10 @@ class EdgeFit:
     reflectance_ratio: of the background over the target. wall: 0 of a wall as bright as the face, 1
     of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
     much farther out the edge lies than stated, all round, with its standard uncertainty
-    growth_u_m: both from SIZE_M as a prior. stretch_m: how much farther out its sides across u lie,
-    and farther in those across v, likewise, with stretch_u_m; 0 of a round one. covered: share of
-    the outline that was used. misfit: share of outliers near the edge. unexplained: mean square
+    growth_u_m: both from SIZE_M as a prior. chamfer_m: width of its chamfer, with chamfer_u_m.
+    stretch_m: how much farther out its sides across u lie, and farther in those across v, likewise,
+    with stretch_u_m; 0 of a round one. covered: share of the outline that was used. misfit: share
+    of outliers near the edge. unexplained: mean square
     of the residuals over their standard uncertainties, see `unexplained`. loss: mean of Cauchy's
     loss, of few mixed pixels. converged: whether the last step was small. thickness_u: relative.
     stated_thickness_m: one that the data contradict, and that was not used; by_thickness_m: (2,)
@@ -82,6 +87,8 @@ class EdgeFit:
     spot_shape: float
     growth_m: float
     growth_u_m: float
+    chamfer_m: float
+    chamfer_u_m: float
     covered: float
     misfit: float
     unexplained: float
@@ -112,7 +119,7 @@ class EdgeFit:
 
     @property
     def state(self) -> Array:
-        """State (12,), see beams.py."""
+        """State (13,), see beams.py."""
         logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
         return np.array(
             [
@@ -124,13 +131,14 @@ class EdgeFit:
                 self.wall,
                 self.spot_shape,
                 self.growth_m,
+                self.chamfer_m,
             ]
         )
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Last state (12,) of a fit, what it was linearised from, and its last step of the centre."""
+    """Last state (13,) of a fit, what it was linearised from, and its last step of the centre."""
 
     state: Array
     zones: Zones
@@ -170,8 +178,10 @@ def as_stretched(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> Edge
 def _estimates(
     state: Array, linear: Equations, problem: EdgeProblem, prior: Prior
 ) -> dict[str, Any]:
-    """Return the fields of a fit that follow from its state (12,), or (13,) with the stretch."""
+    """Return the fields of a fit that follow from its state (13,), or (14,) with the stretch."""
     covariance, by_plane, dof = spread(linear, problem.outline, prior, problem.few)
+    if state[CHAMFER] < 0.0:
+        state, covariance, by_plane = _sharp(state, covariance, by_plane)
     u = np.sqrt(np.diag(covariance))
     known: dict[str, Any] = {
         "centre_m": state[CENTRE],
@@ -188,6 +198,8 @@ def _estimates(
         "spot_shape": float(state[SHAPE]),
         "growth_m": float(state[GROWTH]),
         "growth_u_m": float(u[GROWTH]),
+        "chamfer_m": float(state[CHAMFER]),
+        "chamfer_u_m": float(u[CHAMFER]),
         "rotation_noise": covariance[ROTATION, [0, 1, ROTATION]],
         "rotation_by_plane": by_plane[ROTATION],
         "thickness_u": float(u[THICKNESS]),
@@ -195,6 +207,24 @@ def _estimates(
     if len(state) > STRETCH:
         known |= {"stretch_m": float(state[STRETCH]), "stretch_u_m": float(u[STRETCH])}
     return known
+
+
+def _sharp(state: Array, covariance: Array, by_plane: Array) -> tuple[Array, Array, Array]:
+    """Return what `_estimates` begins with for no chamfer, where the fit has one below 0.
+
+    None is: of the probability, only that of chamfers above 0 is left, whose mean square about 0
+    takes the place of the variance.
+    """
+    variance = float(covariance[CHAMFER, CHAMFER])
+    by_chamfer = covariance[CHAMFER] / variance
+    below = min(-state[CHAMFER] / math.sqrt(variance), FAR_BELOW)
+    rate = math.exp(-0.5 * below**2) / (
+        math.sqrt(math.pi / 2.0) * math.erfc(below / math.sqrt(2.0))
+    )
+    left = 1.0 + below**2 - below * rate
+    taken = (1.0 - left) * variance * np.outer(by_chamfer, by_chamfer)
+    state = state - state[CHAMFER] * by_chamfer
+    return state, covariance - taken, by_plane - np.outer(by_chamfer, by_plane[CHAMFER])
 
 
 def _lost(usable: Mask, outline: Outline) -> tuple[float, float]:

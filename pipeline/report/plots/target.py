@@ -113,9 +113,12 @@ def _sizes(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
     if not is_round:
         yield from _dimension((-a - 12.0, 0.0), (0.0, b), at)
         yield _text(at(-a - 16.0, 0.0), f"{2 * b:g} mm", SIZE, turn_deg=-90.0)
-    thickness = "not stated" if target.thickness is None else f"{target.thickness * 1e3:g} mm"
+    thickness, chamfer = (
+        "not stated" if value is None else f"{value * 1e3:g} mm"
+        for value in (target.thickness, target.chamfer)
+    )
     yield _text(at(0.0, -b - 30.0), ", ".join(_details(target)), INK)
-    yield _text(at(0.0, -b - 40.0), f"thickness {thickness}", INK)
+    yield _text(at(0.0, -b - 40.0), f"thickness {thickness}, chamfer {chamfer}", INK)
 
 
 def _dimension(middle: Point, half: Point, at: ToPage) -> Iterator[Mark]:
