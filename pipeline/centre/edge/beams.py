@@ -240,6 +240,11 @@ class Prior:
             mean[THICKNESS] = np.log(thickness_m)
         return Prior(mean, self.weight)
 
+    @property
+    def is_sharp(self) -> bool:
+        """Whether it is that of an edge without a chamfer."""
+        return bool(self.weight[CHAMFER] >= HELD_SIZE_M**-2)
+
     def bevelled(self) -> Prior:
         """Return the prior of an edge that may have a chamfer, instead of a sharp one."""
         return self._known_to(CHAMFER_M, CHAMFER)

@@ -275,6 +275,8 @@ def equations(
     kept = np.flatnonzero(band & beams.clear)
     beams, z, part = beams.taken(kept), z[kept], part[kept]
     profile, variance = predicted(beams, part, background, state, zones, sigma_m)
+    if problem.prior.is_sharp:
+        profile = replace(profile, d_chamfer=0.0)
     residual = z - profile.depth_m
     weight, change = robust_weight(residual**2 / variance, converged)
     return Equations(

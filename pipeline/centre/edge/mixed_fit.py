@@ -15,7 +15,6 @@ from .beams import (
     CENTRE,
     CHAMFER,
     GROWTH,
-    HELD_SIZE_M,
     INVERSE,
     RATIO,
     ROTATION,
@@ -50,6 +49,7 @@ CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move 
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST = 24  # points about an edge
 MOST_OF_FEW = 20  # iterations of each fit to few points
+NEAR_STEP_M = 1e-6  # of the centre, that ends a fit from a solution without a chamfer
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
 ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
@@ -201,9 +201,9 @@ def _with_chamfer(
     would explain as well; or where the data ask for one that is none, below 0 or wide.
     """
     steep = float(np.hypot(*sharp.state[BEAM])) > STEEP
-    stated = problem.prior.weight[CHAMFER] < HELD_SIZE_M**-2
     resized = abs(float(sharp.state[GROWTH])) > OTHER_SIZE_M
-    if stated or steep or resized or problem.few or sharp.last_m > CONVERGED_M:
+    as_it_is = not problem.prior.is_sharp or problem.few or sharp.last_m > CONVERGED_M
+    if as_it_is or steep or resized:
         return problem, sharp
     may = replace(problem, prior=problem.prior.bevelled())
     found = _converge(
@@ -310,8 +310,11 @@ def _converge(
     background: None: by a new look-up. consistent: with slopes at the profile's depth; a first fit
     has others, and ROUGH_POINTS.
     """
+    ends_m = STEP_M if consistent else ROUGH_M
     if background is None:
         background = problem.background(state)
+    else:
+        ends_m = NEAR_STEP_M
     length, before = 1.0, np.zeros(2)
     if not consistent:
         most, problem = min(most, MOST_ROUGH), problem.of_some(ROUGH_POINTS)
@@ -327,6 +330,6 @@ def _converge(
         state = state + length * moved
         state[INVERSE] = max(state[INVERSE], 0.0)  # the scanner is before the plane
         last_m = float(np.abs(moved[CENTRE]).max())
-        if last_m < (STEP_M if consistent else ROUGH_M) and (consistent or iteration > max(LOOKS)):
+        if last_m < ends_m and (consistent or iteration > max(LOOKS)):
             break
     return Solution(state, zones, background, linear, iteration, last_m)

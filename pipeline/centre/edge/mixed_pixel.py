@@ -180,7 +180,8 @@ def edge_profile(
     width = np.maximum((T - c) * facing, 1e-3 * spot_m)  # a narrower wall acts as none
     x_1 = x_m - c * seen
     spot = profile_of(shape)
-    at = [spot.at(x / spot_m) for x in (x_m + c, x_1, x_1 - width)]
+    at_0, at_2 = (spot.at(x / spot_m) for x in (x_m + c, x_1 - width))
+    at = at_0, at_0 if c == 0.0 else spot.at(x_1 / spot_m), at_2
     F_0, F_1, F_2 = (one.share for one in at)
     f_0, f_1, f_2 = (one.density / spot_m for one in at)
     m_0, m_1, m_2 = (slant * spot_m * one.moment for one in at)
