@@ -305,10 +305,11 @@ def test_nothing_but_the_background_counts_beyond_wall_and_footprint():
 
 def marched(x, tau, background, thickness, chamfer):
     """Depth of thin rays, and what they meet: 0 face, 1 chamfer, 2 wall, 3 background."""
-    z = np.linspace(0.0, thickness, 4001)
+    z = np.linspace(0.0, thickness, 1501)
     ends = np.where(z < chamfer, z - chamfer, 0.0)  # of the plate at that depth, across the edge
     inside = x[:, None] - tau * z <= ends
-    depth = np.where(inside.any(axis=1), z[inside.argmax(axis=1)], background)
+    first = inside.argmax(axis=1)
+    depth = np.where(inside.any(axis=1), z[first] - 0.5 * z[1] * (first > 0), background)
     met = np.where(inside.any(axis=1), np.digitize(depth, [1e-9, chamfer]), 3)
     return depth, met
 
@@ -320,7 +321,7 @@ def test_of_a_chamfer_the_depth_is_that_of_rays_that_march_to_it(tau, chamfer):
     thickness, background, spot = 0.006, 0.05, 0.0015
     echo = np.array([1.0, 0.7, 0.3, 1.6])
     u = (np.arange(12_000) + 0.5) / 6000.0 - 1.0
-    x = np.linspace(-0.003, 0.004 + thickness * max(tau, 0.0), 23)
+    x = np.linspace(-0.003, 0.004 + thickness * max(tau, 0.0), 11)
     truth = []
     for place in x:
         depth, met = marched(place + spot * u, tau, background, thickness, chamfer)
@@ -333,7 +334,7 @@ def test_of_a_chamfer_the_depth_is_that_of_rays_that_march_to_it(tau, chamfer):
         return edge_profile(x, tau * one, background * one, spot * one, *edge).depth_m
 
     changed = np.abs(depth_of(0.0) - depth_of(chamfer)).max()
-    assert changed > 7e-5
+    assert changed > 4e-5
     none = 0.0 if tau > 0.0 else 1e-3 * background  # a wall of 1e-3 s stands for none
     np.testing.assert_allclose(depth_of(chamfer), truth, atol=1.2e-5 + none)
 
