@@ -14,6 +14,7 @@ from tests.support.plates import found
 from tests.support.scenes import Setup, make
 from wheelplane.centre.edge.beams import CHAMFER, STATE
 from wheelplane.centre.edge.solution import _sharp
+from wheelplane.centre.edge_centre import CHAMFER_SHARE
 from wheelplane.targets import parse_target
 from wheelplane.targets.registry import load_target
 
@@ -21,11 +22,12 @@ DISC = load_target("disc-250")
 SEEDS = 6
 
 
-def results(chamfer_m, incidence_deg, stated_m=None, noise_m=2e-4):
+def results(chamfer_m, incidence_deg, stated_m=None, noise_m=2e-4, rounded=False):
     target = DISC.model_copy(update={"chamfer": stated_m})
     for seed in range(SEEDS):
         scene = Setup(
             chamfer_m=chamfer_m,
+            rounded=rounded,
             noise_m=noise_m,
             incidence_deg=incidence_deg,
             azimuth_deg=60.0 * seed,
@@ -44,9 +46,17 @@ def test_a_chamfer_that_is_not_stated_is_found_and_moves_no_centre(chamfer_m, in
         widths.append(result.fitted.edge_fit.chamfer_m)
     assert np.mean(squares) < stats.chi2.ppf(0.999, 2 * SEEDS) / SEEDS
     assert np.sqrt(np.mean(np.square(off_m))) < 5e-5
-    assert np.median(u_m) < 4e-5
+    by_shape_m = CHAMFER_SHARE * np.mean(widths) * np.tan(np.radians(incidence_deg))
+    assert np.median(u_m) < 4e-5 + by_shape_m
     assert np.mean(widths) == pytest.approx(chamfer_m, abs=1.5e-4)
     assert min(widths) >= 0.0
+
+
+@pytest.mark.parametrize("radius_m", [5e-4, 1e-3])
+def test_a_rounded_edge_is_in_the_uncertainty(radius_m):
+    """It passes for a chamfer of half its radius; 0.03 mm off at 0.015 without its share."""
+    squares = [result.nees for result in results(radius_m, 20.0, rounded=True)]
+    assert np.mean(squares) < stats.chi2.ppf(0.999, 2 * SEEDS) / SEEDS
 
 
 @pytest.mark.parametrize("stated_m", [0.0, 5e-4])

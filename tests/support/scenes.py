@@ -173,9 +173,9 @@ class Setup:
     correlated_m, length_m: noise along the range besides, of correlation exp(-d^2 / (2 length^2))
     across the beams at the plate's distance. flatness_m: of the face. hidden: share of the face
     behind a strip, `strip_m` before it. half_m: half widths of a rectangular plate, instead of
-    radius_m. chamfer_m: of a disc's rim. holes: rows (u, v, radius). printed: brightness of the
-    face at places (u, v), which gives the cloud intensities, of relative noise intensity_noise, and
-    weighs the ranges.
+    radius_m. chamfer_m: of a disc's rim; rounded: of that radius. holes: rows (u, v, radius).
+    printed: brightness of the face at places (u, v), which gives the cloud intensities, of relative
+    noise intensity_noise, and weighs the ranges.
     """
 
     radius_m: float = 0.125
@@ -206,6 +206,7 @@ class Setup:
     strip_m: float = 0.15
     half_m: tuple[float, float] | None = None
     chamfer_m: float = 0.0
+    rounded: bool = False
     holes: tuple[tuple[float, float, float], ...] = ()
     printed: Callable[[Array, Array], Array] | None = None
     intensity_noise: float = 0.03
@@ -330,9 +331,11 @@ def _pieces(setup: Setup, rng: np.random.Generator) -> list[Piece]:
     pieces: list[Piece] = [face, Wall(setup.radius_m, setup.thickness_m)]
     if setup.chamfer_m:
         radius, chamfer = setup.radius_m, setup.chamfer_m
+        turn = np.linspace(0.0, np.pi / 2.0, 9 if setup.rounded else 2)
+        out, down = radius - chamfer + chamfer * np.sin(turn), chamfer * (1.0 - np.cos(turn))
         pieces = [
             Sheet((0, 0, 0), outer=radius - chamfer),
-            Cone(radius - chamfer, radius, 0.0, chamfer),
+            *(Cone(*out[k : k + 2], down[k], down[k + 1] - down[k]) for k in range(len(out) - 1)),
             Wall(radius, setup.thickness_m, top=chamfer),
         ]
     if setup.half_m is not None:
