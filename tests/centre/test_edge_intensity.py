@@ -131,7 +131,7 @@ def test_outermost_points_may_lie_as_far_apart_as_unlike_backgrounds_move_them(m
     found = located(PartedDisc(), 0, intensity=False)
     apart = SimpleNamespace(centre_m=found.centre_m + np.array([0.0, 0.0029]))
     monkeypatch.setattr(edge_centre, "fit_outline", lambda *args: apart)
-    view = SimpleNamespace(config=CONFIG, spacing_m=0.0015)
+    view = SimpleNamespace(config=CONFIG, spacing_m=0.0015, target=SimpleNamespace(chamfer=0.0))
     checked = np.zeros((0, 2)), rectangle(0.36, 0.24), view
     with pytest.raises(NotMeasuredError, match=r"lie 2\.9 mm apart"):
         edge_centre._model_variance(replace(found, unlike_m=0.0), *checked)

@@ -98,7 +98,7 @@ def problem_of(outline, state, rng):
     depth[mixed] = rng.uniform(0.0, 0.08, np.count_nonzero(mixed))
     seen = turned(closest, state[ROTATION]) * (1.0 + state[4] * depth)[:, None]
     plane = state[:2] + seen + depth[:, None] * state[2:4]
-    prior = Prior.of(0.008, CentreConfig())
+    prior = Prior.of(0.008, CentreConfig()).bevelled()
     return EdgeProblem(plane, depth, prior, outline, 0.0008)
 
 

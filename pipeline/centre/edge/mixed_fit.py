@@ -14,6 +14,7 @@ from .beams import (
     BEAM,
     CENTRE,
     CHAMFER,
+    CHAMFER_M,
     GROWTH,
     INVERSE,
     RATIO,
@@ -55,6 +56,7 @@ ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
+LOST = 0.25  # of a side, without a background: it may lie elsewhere
 OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than stated
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
 # be right where no other explains as much.
@@ -201,9 +203,8 @@ def _with_chamfer(
     would explain as well; or where the data ask for one that is none, below 0 or wide.
     """
     steep = float(np.hypot(*sharp.state[BEAM])) > STEEP
-    resized = abs(float(sharp.state[GROWTH])) > OTHER_SIZE_M
     as_it_is = not problem.prior.is_sharp or problem.few or sharp.last_m > CONVERGED_M
-    if as_it_is or steep or resized:
+    if as_it_is or steep or _may_be_of_another_size(problem, sharp):
         return problem, sharp
     may = replace(problem, prior=problem.prior.bevelled())
     found = _converge(
@@ -213,7 +214,22 @@ def _with_chamfer(
     chamfer_m = float(found.state[CHAMFER])
     if found.last_m > CONVERGED_M or not LEAST_CHAMFER_M < chamfer_m < MOST_CHAMFER_M:
         return problem, sharp
-    return may, found
+    if problem.outline.shows_rotation:  # nor where a wrong width would be told from none
+        fitted = record(found, may, float(np.mean(found.background.usable)))
+        moved_m = as_stretched(fitted, found, may).chamfer_m - fitted.chamfer_m
+        if abs(moved_m) > CHAMFER_M:
+            return problem, sharp
+    return may, replace(found, iterations=max(sharp.iterations, found.iterations))
+
+
+def _may_be_of_another_size(problem: EdgeProblem, found: Solution) -> bool:
+    """Return whether a plate may be larger or smaller than stated, or along one side."""
+    if not problem.outline.shows_rotation:
+        return abs(float(found.state[GROWTH])) > OTHER_SIZE_M
+    fitted = record(found, problem, float(np.mean(found.background.usable)))
+    stretch_m = as_stretched(fitted, found, problem).stretch_m
+    off_m = max(abs(fitted.growth_m), abs(stretch_m))
+    return off_m > OTHER_SIZE_M or max(fitted.lost) > LOST
 
 
 def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, Solution]:
