@@ -299,7 +299,7 @@ def test_stated_uncertainty_of_the_centre_is_not_too_small():
 
 @pytest.mark.slow
 def test_stated_uncertainty_of_the_centre_is_not_too_large():
-    """Of an edge that is known to be sharp: one that may not be is less certain."""
+    """The edge is known to be sharp: one that may not be is less certain."""
     count = 30
     assert nees(COVERED, range(count), 0.0).sum() > stats.chi2.ppf(0.0005, 2 * count)
 

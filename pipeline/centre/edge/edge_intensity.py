@@ -188,11 +188,8 @@ def _intensities(
     parts = reaching(beams.x_m, beams.tau, state)
     cut = beams.taken(parts)
     profile = intensity_profile(cut, state)
-    model, d_x, slopes = (
-        np.ones(len(chosen)),
-        np.zeros(len(chosen)),
-        np.zeros((STATE, len(chosen))).T,
-    )
+    model, d_x = np.ones(len(chosen)), np.zeros(len(chosen))
+    slopes = np.zeros((STATE, len(chosen))).T
     model[parts], d_x[parts] = profile.depth_m, profile.d_x
     slopes[parts] = profile_slopes(profile, cut, problem.depth[chosen[parts]], state)
     residual = _known(problem)[chosen] - model

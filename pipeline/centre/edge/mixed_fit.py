@@ -50,7 +50,7 @@ CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move 
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST = 24  # points about an edge
 MOST_OF_FEW = 20  # iterations of each fit to few points
-NEAR_STEP_M = 2e-6  # of the centre, that ends a fit from a solution without a chamfer
+NEAR_STEP_M = 1e-6  # of the centre, that ends a fit from a solution without a chamfer
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
 ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
@@ -214,7 +214,7 @@ def _with_chamfer(
     chamfer_m = float(found.state[CHAMFER])
     if found.last_m > CONVERGED_M or not LEAST_CHAMFER_M < chamfer_m < MOST_CHAMFER_M:
         return problem, sharp
-    if problem.outline.shows_rotation:  # nor where a wrong width would be told from none
+    if problem.outline.shows_rotation:  # nor where a wrong width would pass for one
         fitted = record(found, may, float(np.mean(found.background.usable)))
         moved_m = as_stretched(fitted, found, may).chamfer_m - fitted.chamfer_m
         if abs(moved_m) > CHAMFER_M:
