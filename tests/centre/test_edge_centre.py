@@ -406,6 +406,7 @@ def test_a_hole_square_to_the_beams_is_no_thinner_than_the_rim(tmp_path):
         assert np.hypot(*off_m) < 3.72 * u_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "growth_m",
     [-0.001, -0.0005, 0.0005, 0.001]

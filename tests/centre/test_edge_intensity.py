@@ -84,6 +84,7 @@ def off_m(found, setup):
     return found.centre_m - setup.centre_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "setup",
     [
@@ -159,6 +160,7 @@ LAWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_an_intensity_need_not_be_proportional_to_power(law):
     """Footprint and size that explain its law instead are alike all round."""
@@ -171,6 +173,7 @@ def test_an_intensity_need_not_be_proportional_to_power(law):
     assert np.hypot(*off_m(found, setup)) < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law",
     [

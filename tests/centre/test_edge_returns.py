@@ -279,6 +279,7 @@ def beams_of(points, outline):
     return closest.x_m, 0.01 * np.maximum(tau, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wide", [1.2, 2.0])
 @pytest.mark.parametrize("kept", ["wall", "face"])
 @pytest.mark.parametrize("name", OUTLINES)

@@ -79,6 +79,7 @@ def test_every_second_start_lies_about_the_likeliest_solution_so_far(monkeypatch
         assert 0.0 < np.abs(off[scattered]).max() < 4.0
 
 
+@pytest.mark.slow
 def test_where_a_fit_to_few_points_begins_hardly_counts():
     """Before spokes, single fits from the same states end elsewhere, and farther off."""
     apart, off = {"one": [], "several": []}, {"one": [], "several": []}

@@ -139,6 +139,7 @@ def test_a_stated_station_is_believed_unless_the_background_contradicts_it(name)
     np.testing.assert_array_equal(behind.beam, instead.state[BEAM])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_a_known_station_makes_the_centre_of_few_points_more_certain(name):
     """The station is stated 5 mm off in each axis, as its standard uncertainty allows."""

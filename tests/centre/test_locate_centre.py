@@ -221,6 +221,7 @@ def test_half_hidden_disc_is_within_its_larger_uncertainty(seed):
     assert u_of(cloud, fitted) > 1.05 * whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("from_m", [-0.03, 0.0])
 def test_what_hangs_before_a_disc_moves_its_centre_within_its_uncertainty(from_m):
     """A sheet 60 mm before it, as a fender: the matched template lies up to 20 mm off the disc."""
@@ -364,6 +365,7 @@ def test_order_of_the_points_changes_rounding_alone(seed):
     assert np.abs(first.normal - again.normal).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_300_points_show_the_edge_and_know_how_well():
     """The outermost points, 12.8 mm apart, leave 1 mm; the mixed pixels' own bound is 0.37 mm."""
     clouds = [make(PLAIN.but(spacing_m=0.0128, noise_m=0.0008), seed) for seed in range(24)]

@@ -71,6 +71,7 @@ def test_without_background_the_points_alone_serve_with_a_larger_uncertainty(nam
     assert 2e-4 < result.u_m < 6e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
 def test_without_mixed_pixels_the_gap_serves(name):
     """The outermost points would be 0.5 mm off: as far as backgrounds differ by side."""
@@ -243,6 +244,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WRONG)
 def test_wrong_plate_is_refused_or_harmless(case):
     target, changes = WRONG[case]
@@ -272,6 +274,7 @@ def test_a_width_within_its_tolerance_is_in_the_uncertainty(width_mm, height_mm,
     assert thickness_m == pytest.approx(RECTANGLE.thickness, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(("width_mm", "height_mm"), [(3, 0), (-3, 0), (0, 3), (0, -3)])
 def test_one_dimension_3_mm_wrong_is_refused_or_harmless(width_mm, height_mm, seed):
@@ -377,6 +380,7 @@ def test_two_viewpoints_in_one_cloud_are_seen_and_doubted(name, apart_deg):
     assert from_two_places(name, 0.0, 1).u_m < 3e-5
 
 
+@pytest.mark.slow
 def test_square_whose_edges_rows_of_few_points_run_along_is_measured_and_knows_how_well():
     """Points 13.7 mm apart: their last row lies up to 13 mm inside an edge that it runs along."""
     scattered = []

@@ -31,6 +31,7 @@ NORMALS = OUTLINE.normals((np.arange(SECTORS) + 0.5) / SECTORS)
 RIGHT, LEFT = NORMALS[:, 0] > 0.9, NORMALS[:, 0] < -0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cut", "spot_m", "seed"),
     [("alike", 0.0, 2), ("alike", SCENE.spot_m, 1), ("slanted", 0.0, 1), ("uneven", 0.0, 2)],

@@ -170,6 +170,7 @@ def seen(doubled):
     return explained(doubled)["FL"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("half_m", "turn_rad"), [(0.24, 0.0), (0.13, 0.4), (0.1, 0.0)])
 def test_a_region_chooses_a_target_as_a_point_on_it_does(doubled, seen, half_m, turn_rad):
     """Also one that cuts the target's edge: its border hides nothing from the measurement."""

@@ -38,6 +38,7 @@ def off_in_u(cloud, fitted):
     return float(np.sqrt(off @ np.linalg.solve(covariance, off)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("cut", CUTS)
 def test_the_edges_with_a_background_place_what_is_left_of_a_plate(cut, seed):
@@ -52,6 +53,7 @@ def test_the_edges_with_a_background_place_what_is_left_of_a_plate(cut, seed):
     assert along < 7e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("cut", CUTS)
 def test_without_a_background_it_is_placed_within_its_uncertainty_or_refused(cut, seed):

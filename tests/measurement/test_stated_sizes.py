@@ -81,6 +81,7 @@ def off(found, capture):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness", [0.005, 0.007, 0.015])
 def test_a_wrong_thickness_is_used_in_no_scan(capture, tmp_path, thickness):
     """None of these scans contradicts 5 mm alone; results are those without any."""
@@ -112,6 +113,7 @@ def test_sizes_that_all_scans_contradict_together_are_noted(capture, tmp_path, d
     assert "by 0.4 mm" in note or "by 0.5 mm" in note
 
 
+@pytest.mark.slow
 def test_boards_that_name_their_wheels_are_measured_too(tmp_path):
     """Their files hold tables, by which targets are compared, not looked up."""
     (tmp_path / "coarse.toml").write_text(COARSE, encoding="utf-8")

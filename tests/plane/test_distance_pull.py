@@ -76,6 +76,7 @@ THINNED = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @THINNED
 def test_planes_are_off_by_the_pull_where_the_file_s_order_is_that_of_thinning(distance_m, sigma_m):
     off_m, u_m, pull_m = pulls(distance_m, sigma_m)

@@ -317,6 +317,7 @@ def test_two_returns_are_for_scans_of_single_wheels(tmp_path):
         write_whole(tmp_path / "w", seed=1, vehicle=SALOON, scanner=scanner, target=DISC)
 
 
+@pytest.mark.slow
 def test_edge_points_are_left_out_where_a_beam_beside_them_differs(tmp_path):
     """No two points of the filtered scan that are neighbours differ by more than the step."""
     step_m, points = 0.01, {}
