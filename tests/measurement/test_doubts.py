@@ -15,7 +15,7 @@ from tests.support.batches import call
 from tests.support.turning import NOWHERE, PLACES, Scene, facing
 from wheelplane.capture.vertical import StatedVertical
 from wheelplane.cloud.preview import cloud_sample
-from wheelplane.errors import Doubt
+from wheelplane.errors import Doubt, InputError
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.doubts import FAR_M, TRACKS, TWIST_M, WHEELBASES
 from wheelplane.measurement.evaluate import align, find_verticals
@@ -114,6 +114,19 @@ def test_no_verdict_rests_on_a_vehicle_in_doubt(change, says):
     for verdict in judged(found).verdicts:
         assert verdict.reason == found.doubts[0]
         assert (verdict.probability, verdict.risk) == (None, None)
+
+
+def test_a_target_that_faces_along_the_car_is_refused_by_capture_and_wheel():
+    """Wheels exchanged across the vehicle: the frame's rear axle runs along their planes."""
+    crossed = {"RR": "FL", "FL": "RR"}
+    with pytest.raises(InputError, match=r"^test: wheel RR: the normal of its plane"):
+        measured(scene(names=crossed))
+    made = scene(trials=TRIAL)
+    trial = made.seen[-1]
+    target = replace(trial.evidence.target, normal=made.R.apply([1.0, 0.0, 0.0]))
+    made.seen[-1] = replace(trial, evidence=replace(trial.evidence, target=target))
+    with pytest.raises(InputError, match=r"^test: 1: wheel RR: the normal of its plane"):
+        measured(made)
 
 
 @pytest.mark.parametrize("wheel", PLACES)
