@@ -32,6 +32,9 @@ TOML_FAULTS = {
     "Expected newline or end of document after a statement": "more than one value stands on a line"
     " (decimals have a point)",
 }
+DATE_FORM = "write year, month and day as 2026-11-03, without quotes"
+_PLACE = re.compile(r"at line (\d+)")
+_NO_DATE = re.compile(r"[ \t]*([\w-]*date)[ \t]*=[ \t]*(\d+[-./]\d+[-./]\d+)[ \t\r]*(?:#|$)")
 MOST_FAULTS = 6  # named in one line; the others are counted
 # Of a scanner that measures wheels: more is a slip of the unit, such as mm for m.
 MOST_ERROR_M, MOST_ARCSEC = 0.1, 3600.0
@@ -304,12 +307,21 @@ def read_toml(path: Path) -> dict[str, object]:
     except RecursionError as error:
         raise ConfigError(f"{path}: not valid TOML: brackets are nested too deep") from error
     except tomllib.TOMLDecodeError as error:
-        fact = str(error)
-        for raw, clear in TOML_FAULTS.items():
-            fact = fact.replace(raw, clear)
-        raise ConfigError(f"{path}: not valid TOML: {fact}: correct it") from error
+        raise ConfigError(f"{path}: {_fault_of_toml(str(error), text)}") from error
     except ValueError as error:  # of int for 4300 digits
         raise ConfigError(f"{path}: not valid TOML: a number is too long: correct it") from error
+
+
+def _fault_of_toml(fact: str, text: str) -> str:
+    """Return the fault of a TOML text and what to do; of a date that is none, how it is written."""
+    place = _PLACE.search(fact)
+    line = text.split("\n")[int(place[1]) - 1] if place else ""
+    date = _NO_DATE.match(line)
+    if place and date:
+        return f"{date[1]} = {date[2]} (line {place[1]}): no valid date: {DATE_FORM}"
+    for raw, clear in TOML_FAULTS.items():
+        fact = fact.replace(raw, clear)
+    return f"not valid TOML: {fact}: correct it"
 
 
 def _check_extent(text: str, path: Path) -> None:

@@ -98,4 +98,4 @@ def _numbers(vector: Sequence[float]) -> str:
 
 
 def _rounded(vector: Array) -> str:
-    return ",".join(f"{x:.3f}" for x in vector + 0.0)
+    return ",".join(f"{x:.3f}" for x in np.round(vector, 3) + 0.0)

@@ -3,10 +3,12 @@
 from .bodywork import is_bodied
 from .candidates import FACE_BAND, Candidate
 from .find_target import (
+    LIKELY,
     candidate_near,
     check_best,
     find_candidates,
     find_target,
+    on_one_surface,
     patch_of,
     rivals,
 )
@@ -19,6 +21,7 @@ from .vehicles import FoundTarget
 
 __all__ = [
     "FACE_BAND",
+    "LIKELY",
     "OFF_PLANE",
     "Axles",
     "Candidate",
@@ -33,6 +36,7 @@ __all__ = [
     "find_up",
     "is_bodied",
     "listed",
+    "on_one_surface",
     "outnumbered",
     "patch_of",
     "placed",

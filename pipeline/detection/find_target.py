@@ -6,6 +6,7 @@ outline scored. If no score is clear, planes are also searched by RANSAC, one af
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -36,7 +37,7 @@ from .candidates import (
     threshold_m,
 )
 from .cut_patch import cut_patch
-from .hypotheses import EDGE_OF_RADIUS, Hypothesis, hypotheses, joined
+from .hypotheses import ALIGNED, EDGE_OF_RADIUS, SAME_DEPTH, Hypothesis, hypotheses, joined
 from .surfels import Surfels, find_surfels
 
 LIKELY = 0.6  # of the best match, or the least: a candidate that may prove better
@@ -45,6 +46,7 @@ FEW, MANY_TIMES = 1200, 10  # points whose cells are too coarse for the outline;
 SPARSE = 1500  # points on a target, below which all points of the scan are used, not a sample
 SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing rivals it
 SEARCHED, LEAST_CHOSEN = 3.0, 0.1  # radii about a chosen point, and the match that is enough there
+ALONG = 0.25  # what a chosen point's distance along a plane counts, of that across
 CLEAR = 0.5  # match of the best candidate, below which RANSAC is used as well
 
 
@@ -98,9 +100,11 @@ def candidate_near(
     seed: int,
     steps: Steps = EXACT,
 ) -> Candidate:
-    """Return the best candidate of points_m (N, 3) whose centre lies within a radius of near_m.
+    """Return the candidate of points_m (N, 3) that is meant by near_m, within a radius of it.
 
-    Others are no rivals, and a match of LEAST_CHOSEN is enough: a person has looked at it.
+    Of each surface it is the best one, and of surfaces the nearest, unless it matches much worse:
+    what hides a target may match as well as what is left of it. Others are no rivals, and a match
+    of LEAST_CHOSEN is enough: a person has looked at it.
     Raises NotMeasuredError 'too-few-points', 'no-plane' or 'no-target'.
     """
     reach_m = SEARCHED * target.radius_m
@@ -125,7 +129,34 @@ def candidate_near(
             f"no plane within {target.radius_m * 1e3:.0f} mm of the chosen point ({place}) m has "
             f"the outline of {target.description} (best match {match:.2f}, {LEAST_CHOSEN} needed)",
         )
-    return found[0]
+    likely = [one for one in found if one.match > LIKELY * match]
+    return min(best_of_surfaces(likely, target.radius_m), key=lambda one: _off(one, near_m))
+
+
+def _off(one: Candidate, near_m: Array) -> float:
+    """Return the distance of a point from a candidate: most of it across its plane.
+
+    A point anywhere on the target lies in its plane, and of one that is half hidden, the centre is
+    found to some centimetres only.
+    """
+    u, v, depth = one.basis @ (near_m - one.centre_m)
+    return math.hypot(ALONG * u, ALONG * v, depth)
+
+
+def best_of_surfaces(found: Sequence[Candidate], radius_m: float) -> list[Candidate]:
+    """Return the first of the candidates, best match first, on each surface."""
+    kept: list[Candidate] = []
+    for one in found:
+        if not any(on_one_surface(one, better, radius_m) for better in kept):
+            kept.append(one)
+    return kept
+
+
+def on_one_surface(one: Candidate, other: Candidate, radius_m: float) -> bool:
+    """Return whether two candidates lie in one plane."""
+    aligned = abs(float(one.normal @ other.normal)) > ALIGNED
+    depth_m = abs(float((one.centre_m - other.centre_m) @ other.normal))
+    return aligned and depth_m < SAME_DEPTH * radius_m
 
 
 def find_candidates(

@@ -1,7 +1,9 @@
 """Up direction of four wheels, from the floor that they stand on and from the z axis.
 
 The floor is a surface parallel to the wheels' plane, close to it, with nothing beyond it. The z of
-a levelled scanner is up. Where both are available, they must agree; neither is guessed.
+a levelled scanner is up. Where both are available, they must agree; neither is guessed. z far from
+the wheels' upright is not used, which is said: then nothing shows that the cloud is no mirror
+image, of which left and right would be exchanged.
 """
 
 from __future__ import annotations
@@ -21,6 +23,10 @@ ROUGH_M, SLOPING_M = 0.05, 0.15  # a floor's cells about its plane, and that abo
 MIN_SHARE = 0.3  # of the cells must lie on the floor, and twice as many as on the other side
 MIN_UPRIGHT = 0.7  # cosine between z and the wheels' upright, below which z is not taken for up
 BY_FLOOR = "the floor, {depth} m below the wheels' centres"
+BY_FLOOR_ALONE = (
+    "the floor, {depth} m below the wheels' centres; z, {off}° off, was not used, so that nothing "
+    "shows whether the cloud is mirrored, which would exchange left and right"
+)
 BY_Z = "the z axis, {off}° off"
 BY_BOTH = "the floor, {depth} m below the wheels' centres, and the z axis, {off}° off"
 
@@ -63,9 +69,10 @@ def find_up(sample_m: Array, axles_m: Array, rule: str = "auto") -> Up:
             f"up is unknown: {facts}: export the cloud with its floor, or levelled with z up"
         )
     depth = "" if floor is None else f"{floor.depth_m:.2f}"
-    off = f"{np.degrees(np.arccos(min(abs(tilt), 1.0))):.1f}"
-    sentence = BY_Z if floor is None else BY_BOTH if by_z else BY_FLOOR
     side = by_z if floor is None else -floor.side
+    off = f"{np.degrees(np.arccos(np.clip(side * tilt, -1.0, 1.0))):.1f}"
+    unused = BY_FLOOR if rule == "floor" else BY_FLOOR_ALONE
+    sentence = BY_Z if floor is None else BY_BOTH if by_z else unused
     return Up(side * upright, Wording(sentence, depth=depth, off=off))
 
 

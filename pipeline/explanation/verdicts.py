@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..detection import Candidate
+from ..detection import LIKELY, Candidate, on_one_surface
 
 MOST_SHOWN = 12
 LEAST_SHOWN = 0.02  # match: about that of a larger surface
@@ -15,12 +15,20 @@ LEAST_SHOWN = 0.02  # match: about that of a larger surface
 def apart(candidates: Sequence[Candidate], radius_m: float) -> list[Candidate]:
     """Return the candidates, best match first, of which none lies within a radius of a better one.
 
-    At least the best one is returned, however poorly it matches.
+    One on another surface is shown if it matches about as well: the target behind what hides it. At
+    least the best one is returned, however poorly it matches.
     """
     kept: list[Candidate] = []
     for one in candidates:
-        near = (float(np.linalg.norm(one.centre_m - better.centre_m)) for better in kept)
-        if kept and (one.match < LEAST_SHOWN or min(near) < radius_m):
-            continue
-        kept.append(one)
+        near = [
+            better
+            for better in kept
+            if float(np.linalg.norm(one.centre_m - better.centre_m)) < radius_m
+        ]
+        hidden = all(
+            one.match > LIKELY * better.match and not on_one_surface(one, better, radius_m)
+            for better in near
+        )
+        if not kept or (one.match >= LEAST_SHOWN and hidden):
+            kept.append(one)
     return kept

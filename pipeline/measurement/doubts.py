@@ -19,6 +19,13 @@ UPSIDE_DOWN = (
     "and rear, are exchanged: check the order {names}; if it points down, state gravity in "
     "capture.toml."
 )
+ACROSS = (
+    "z of the scans lies across the vehicle's up direction (up . z = {z}), so that nothing checks "
+    "the order {names} and the handedness of the scans' axes: of wheels exchanged or of a mirrored "
+    "export, signs are wrong: state gravity in capture.toml, or export the scans with z up."
+)
+# cos 60 degrees, between up and z: no ramp or lift tilts a vehicle so far, nor a tripod a scanner.
+MIN_UPRIGHT = 0.5
 FLOOR_ABOVE = (
     "The floor in the scans lies {height} m above the wheel centres: left and right, or front and "
     "rear, are exchanged, or the scans are mirrored: check the order {names}, and their axes."
@@ -94,7 +101,8 @@ def _upside_down(
 ) -> list[Doubt]:
     """Return a note where the vehicle is upside down, by the floor, else if z points up.
 
-    A vertical that is known agrees with the frame's up, whatever the way of z.
+    A vertical that is known agrees with the frame's up, whatever the way of z. Without one, z alone
+    shows wheels exchanged and mirrored scans, and none of it where it lies across the vehicle.
     """
     scanned = measured[0].fitted.method != "points"  # a five-point file has its own note
     if not scanned or known:
@@ -103,9 +111,10 @@ def _upside_down(
     above = floor_below(replace(frame, up=-frame.up), measured[:4])
     if above is not None:
         return [Doubt(FLOOR_ABOVE, height=f"{above.depth_m:.2f}", names=names)]
-    if frame.up[2] > -0.5:
+    if frame.up[2] > MIN_UPRIGHT:
         return []
-    return [Doubt(UPSIDE_DOWN, z=f"{frame.up[2]:+.2f}", names=names)]
+    sentence = UPSIDE_DOWN if frame.up[2] < -MIN_UPRIGHT else ACROSS
+    return [Doubt(sentence, z=f"{round(frame.up[2], 2) + 0.0:+.2f}", names=names)]
 
 
 def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[Doubt]:

@@ -90,6 +90,7 @@ def align(
     """
     centres, frame = _frame_of(observations, provenance)
     observations = share_components([_on_a_wheel(one, centres) for one in observations])
+    _check_sides(frame, observations, provenance)
     observations = _with_wheel_centres(observations, frame)
     centres, frame = _frame_of(observations, provenance)
     measured = [one for one in observations if one.evidence is not None]
@@ -112,6 +113,20 @@ def _frame_of(
         raise InputError(f"{provenance.source}: {error}") from error
     check_wheels(centres, REFERENCE_WHEELS, provenance.source)
     return centres, frame
+
+
+def _check_sides(
+    frame: VehicleFrame, observations: Sequence[Observation], provenance: Provenance
+) -> None:
+    """Raise InputError for a target that faces along the car, so that it has no outer side."""
+    for one in observations:
+        if one.evidence is None or one.wheel is None:
+            continue
+        try:
+            outward_normal(frame, one.fitted.normal, str(one.wheel))
+        except InputError as error:
+            named = "" if one.role == "reference" else f"{one.name}: "
+            raise InputError(f"{provenance.source}: {named}{error}") from error
 
 
 def _note_of_size(frame: VehicleFrame, centres: Array) -> list[Wording]:

@@ -157,7 +157,7 @@ def _advice(error: NotMeasuredError) -> str:
     """Return what to do where the target of a reference wheel was not measured."""
     if error.status == "steps-too-coarse":
         return "export this scan again with more decimals, or as double"
-    if error.status in ("ambiguous-target", "no-target"):
+    if error.status in ("ambiguous-target", "no-target", "no-outline"):
         return (
             "see what was found with --explain DIR and choose with --hint, scan this wheel again, "
             "or check --target and length_unit"

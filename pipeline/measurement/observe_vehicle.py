@@ -292,7 +292,9 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
         return [axles.named(targets, up.direction, ahead)], naming
     if not all(names_wheels(kind) for kind in found.kinds):
         along = (second_m - first_m) / np.linalg.norm(second_m - first_m)
-        one, other = (",".join(f"{x:.2f}" for x in way + 0.0) for way in (along, -along))
+        one, other = (
+            ",".join(f"{x:.2f}" for x in np.round(way, 2) + 0.0) for way in (along, -along)
+        )
         raise InputError(
             f"the front of the vehicle is unknown: add --front {one} or --front {other}, whichever "
             "points forward, or --front-point X,Y,Z near the front"

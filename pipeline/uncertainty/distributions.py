@@ -190,10 +190,11 @@ def chi_square_limits(level: float, dof: float) -> tuple[float, float]:
     return float(chdtri(dof, 1.0 - side)), float(chdtri(dof, side))
 
 
-def f_beyond(value: float, count: int, dof: float) -> float:
+def f_beyond(value: float, count: float, dof: float) -> float:
     """Return the probability that F of `count` and `dof` degrees of freedom is `value` or more."""
-    if dof > MOST_DOF:
-        return chi_square_beyond(count * value, count)
+    if dof > MOST_DOF and float(count).is_integer():
+        return chi_square_beyond(count * value, int(count))
+    dof = min(dof, MOST_DOF)
     return _beta_tail(0.5 * dof, 0.5 * count, count * value / dof)
 
 

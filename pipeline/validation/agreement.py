@@ -18,7 +18,9 @@ from ..uncertainty import chi_square_limits, f_beyond, quantile
 from ..vectors import Array
 from .comparison import KINDS, Comparison
 from .statistics.bland_altman import Limit, components, limits_of_agreement
-from .statistics.line_fit import Line, fit_line
+from .statistics.joint_test import Spread
+from .statistics.line_fit import Line
+from .statistics.line_test import LinePoints, fit_shared_line
 from .statistics.power import CONFIDENCE, captures_needed, detectable_alone
 
 
@@ -60,15 +62,32 @@ class Agreement:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Pairs of one kind, with uncertainties and covariance, subject and unit of each."""
+    """Pairs of one kind, with uncertainties and covariance, subject and unit of each.
+
+    dof: of the differences. spreads: covariance of the differences of each capture.
+    """
 
     first: Array
     second: Array
     u_first: Array
     u_second: Array
     both: Array
+    dof: Array
     subject: list[Hashable]
     unit: list[Hashable]
+    spreads: tuple[Spread, ...]
+
+    def points(self) -> LinePoints:
+        """Return the points of a line, second over first."""
+        return LinePoints(
+            self.first,
+            self.second,
+            self.u_first**2,
+            self.u_second**2,
+            self.both,
+            self.dof,
+            self.spreads,
+        )
 
 
 def agreement(found: Sequence[Comparison], kind: str) -> Agreement | None:
@@ -84,9 +103,6 @@ def agreement(found: Sequence[Comparison], kind: str) -> Agreement | None:
     bias = float(units.mean())
     parts = components(difference, pairs.subject)
     low, high = limits_of_agreement(bias, u, parts)
-    u_first, u_second = pairs.u_first, pairs.u_second
-    scale = np.maximum(u_first * u_second, 1e-300)
-    line = fit_line(pairs.first, pairs.second, u_first, u_second, pairs.both / scale)
     return Agreement(
         kind=kind,
         first=pairs.first,
@@ -101,7 +117,7 @@ def agreement(found: Sequence[Comparison], kind: str) -> Agreement | None:
         lower=low,
         upper=high,
         detectable=detectable_alone(u, len(units) - 1),
-        line=line,
+        line=fit_shared_line(pairs.points()),
     )
 
 
@@ -126,22 +142,26 @@ def bias_probability(found: Sequence[Comparison]) -> float | None:
 
 
 def _pairs(found: Sequence[Comparison], kind: str) -> _Pairs:
-    columns: list[list[Array]] = [[], [], [], [], []]
+    columns: list[list[Array]] = [[], [], [], [], [], []]
     subject: list[Hashable] = []
     unit: list[Hashable] = []
+    spreads: list[Spread] = []
     one_vehicle = len({comparison.vehicle for comparison in found}) < 2
     for index, one in enumerate(found):
         count = len(one.names)
         rows = slice(count * KINDS.index(kind), count * (KINDS.index(kind) + 1))
         u_first, u_second = one.u_first[rows], one.u_second[rows]
-        both = (u_first**2 + u_second**2 - one.spread.u[rows] ** 2) / 2.0
-        values = one.first.angles_rad[rows], one.second.angles_rad[rows], u_first, u_second, both
+        spread = Spread(tuple(part[rows, rows] for part in one.spread.parts), one.spread.dofs)
+        spreads.append(spread)
+        both = (u_first**2 + u_second**2 - spread.u**2) / 2.0
+        angles = one.first.angles_rad[rows], one.second.angles_rad[rows]
+        values = *angles, u_first, u_second, both, spread.dof
         for column, value in zip(columns, values, strict=True):
             column.append(value)
         subject += [(one.vehicle, wheel) for wheel in one.wheels]
         unit += [index if one_vehicle else one.vehicle] * count
-    first, second, u_first, u_second, both = (np.concatenate(column) for column in columns)
-    return _Pairs(first, second, u_first, u_second, both, subject, unit)
+    first, second, u_first, u_second, both, dof = (np.concatenate(column) for column in columns)
+    return _Pairs(first, second, u_first, u_second, both, dof, subject, unit, tuple(spreads))
 
 
 def _means(values: Array, groups_of: Sequence[Hashable]) -> list[float]:

@@ -239,15 +239,20 @@ class ComparedMethod:
         return Spread.of(slopes, sources_of(effects_of(self.targets))).u
 
 
-def check_alike(first: ComparedMethod, second: ComparedMethod, source: str) -> None:
-    """Raise InputError where the four centres cannot be of one vehicle, in the same order."""
+def check_alike(
+    first: ComparedMethod, second: ComparedMethod, source: str, units: str = "the length units"
+) -> None:
+    """Raise InputError where the four centres cannot be of one vehicle, in the same order.
+
+    units: what to check of those in which the second one's file is read.
+    """
     centres = [np.stack([t.centre_m for t in m.targets[:4]]) for m in (first, second)]
     shapes = [shape_of(c - c.mean(axis=0))[:3] for c in centres]
     for name, one, other in zip(("rear track", "front track", "wheelbase"), *shapes, strict=True):
         if abs(one - other) > ALIKE * max(one, other):
             raise InputError(
                 f"{source}: {name} {one:.4g} m by {first.label}, {other:.4g} m by {second.label}: "
-                "check the length units, and that both are of this vehicle"
+                f"check {units}, and that both are of this vehicle"
             )
     distances = np.linalg.norm(centres[0][:, None] - centres[1], axis=2)
     nearest = np.argmin(distances, axis=0)

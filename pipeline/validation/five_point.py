@@ -53,6 +53,16 @@ class FivePointOptions:
     radius_m: float | None = None
     method: Estimator = "tls"
 
+    @property
+    def units(self) -> str:
+        """What to check where the centres of the file are not those of the vehicle."""
+        if self.coordinates == "spherical":
+            return f"the angle unit (--angle-unit {self.angle_unit}), the length units"
+        return (
+            "the length units, that the rows are x y z (range azimuth zenith: --coordinates "
+            "spherical)"
+        )
+
 
 @dataclass(frozen=True)
 class FivePoints:

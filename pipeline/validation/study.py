@@ -57,7 +57,7 @@ class ComparisonStudy:
 
     @cached_property
     def bias_probability(self) -> float | None:
-        """P-value of the mean differences; None for fewer than four captures."""
+        """P-value of the mean differences; None for fewer than four vehicles, or captures."""
         return bias_probability(self.found)
 
     @property

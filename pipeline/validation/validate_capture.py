@@ -69,7 +69,7 @@ def compare_with_points(dense: Measurement, points: FivePoints, request: Request
     if dense.vertical is not None:
         first, said = from_wheel_centres(first, part.wheels), without_vertical(said)
     second, notes = _second(points, results, request)
-    check_alike(first, second, points.file.source)
+    check_alike(first, second, points.file.source, request.points.units)
     return compare(
         dense.provenance.source,
         part.names,

@@ -231,6 +231,11 @@ LONG = "a" * 300
         (DISC + REFERENCE.replace('"rr.ply"', "3"), ["reference.RR", "got 3"]),
         (DISC + "reference = 3\n", ["reference: a table is needed, got 3"]),
         ('date = "2026-11-03"\n' + DISC + REFERENCE, ["toml: date: a date is needed"]),
+        *(
+            (f"vehicle = 'x'\ndate = {no}\n" + DISC + REFERENCE, [f"date = {no} (line 2): no valid",
+                                                                  "as 2026-11-03, without quotes"])
+            for no in ("2026-13-45", "2026-11-3", "03.11.2026", "2026-02-30", "3/11/26")
+        ),
         ('vehicel = "x"\n' + DISC + REFERENCE, ["'vehicel'", "did you mean 'vehicle'?"]),
         ("vehicle = 3\n" + DISC + REFERENCE, ["vehicle", "got 3"]),
         ('length_unit = "cm"\n' + DISC + REFERENCE, ["'m', 'mm' or 'in'", "'cm'"]),

@@ -11,10 +11,16 @@ from tests.support.scenes import WHEEL, Setup, Sheet, make, rotation
 from tests.support.single_scan import measure_scan
 from wheelplane.config import Config, SegmentConfig
 from wheelplane.detection.candidates import Candidate
-from wheelplane.detection.find_target import _is_scrap, find_candidates, find_target
+from wheelplane.detection.find_target import (
+    LIKELY,
+    _is_scrap,
+    candidate_near,
+    find_candidates,
+    find_target,
+)
 from wheelplane.errors import NotMeasuredError
 from wheelplane.readers.scan import Scan
-from wheelplane.targets.plates import DiscTarget
+from wheelplane.targets.plates import DiscTarget, RectangleTarget
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
 COARSE = Setup(spacing_m=0.0025, half_width_m=0.25, pairs=8)
@@ -254,3 +260,48 @@ def test_a_scrap_of_few_points_is_no_rival_of_a_target_of_many(match, points, ke
     other = replace(many, centre_m=np.full(3, 0.2), match=match, points=points)
     assert _is_scrap(other, [many, other], SegmentConfig()) is not kept
     assert not _is_scrap(many, [many, other], SegmentConfig())
+
+
+PLATE = RectangleTarget(shape="rectangle", width=0.36, height=0.24, thickness=0.01)
+BEFORE_M = 0.06  # distance of a panel before the plate
+
+
+def behind_a_panel(rng, end_m, spacing_m=0.003):
+    """A plate at the origin, normal z, of which a large panel before it hides 58 or 42 percent."""
+    x, y = (axis.ravel() for axis in np.meshgrid(*[np.arange(-0.35, 0.35, spacing_m)] * 2))
+    x, y = (axis + rng.uniform(0.0, spacing_m, axis.size) for axis in (x, y))
+    panel = (x > -0.36) & (x < end_m) & (np.abs(y) < 0.18)
+    plate = ~panel & (np.abs(x) < 0.18) & (np.abs(y) < 0.12)
+    z = np.where(panel, BEFORE_M, 0.0) + rng.normal(0.0, 0.0005, x.size)
+    return np.column_stack([x, y, z])[panel | plate]
+
+
+@pytest.mark.parametrize("end_m", [-0.03, 0.03])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_point_on_a_target_is_not_that_on_what_hides_it(seed, end_m):
+    """Whichever of the two surfaces matches better, the nearer one is meant."""
+    rng = np.random.default_rng(seed)
+    R, shift = rotation(rng), rng.uniform(-3.0, 3.0, 3)
+    points = behind_a_panel(rng, end_m) @ R.T + shift
+    found = find_candidates(points, PLATE, SegmentConfig(), 0)
+    depth_m = [float((one.centre_m - shift) @ R[:, 2]) for one in found]
+    assert {round(depth / BEFORE_M) for depth in depth_m} == {0, 1}
+    own = next(one for one, at in zip(found, depth_m, strict=True) if at < 0.5 * BEFORE_M)
+    seen = np.array([0.12, -0.05, 0.0]) @ R.T + shift
+    for place in (shift, seen, own.centre_m):
+        near = candidate_near(points, place, PLATE, SegmentConfig(), 0)
+        assert abs(float((near.centre_m - shift) @ R[:, 2])) < 0.003
+    if found[0].match < own.match / LIKELY and found[0] is not own:
+        near = candidate_near(points, found[0].centre_m, PLATE, SegmentConfig(), 0)
+        assert abs(float((near.centre_m - found[0].centre_m) @ R[:, 2])) < 0.003
+
+
+def test_of_one_surface_a_point_takes_the_best_match_wherever_it_lies():
+    """A whole target: a point half a radius off its middle moves nothing."""
+    cloud = make(COARSE, 5)
+    best = find(cloud.points_m)
+    for way in (cloud.R[:, 0], -cloud.R[:, 1]):
+        near = candidate_near(
+            cloud.points_m, cloud.centre_m + 0.5 * DISC.radius_m * way, DISC, SegmentConfig(), 0
+        )
+        assert np.linalg.norm(near.centre_m - best.origin_m) < start_m(COARSE)

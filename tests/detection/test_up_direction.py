@@ -131,11 +131,30 @@ def test_where_z_lies_level_the_floor_alone_decides(seed):
     points, axles = scene(rng) @ R.T, ends_anyhow(rng) @ R.T
     up = find_up(points, axles)
     assert up.direction @ R @ UP > 0.999
-    assert "z" not in up.by
+    assert "z, 80.0° off, was not used" in up.by
+    assert "z" not in find_up(points, axles, "floor").by
     with pytest.raises(
         InputError, match="up is unknown: the z axis is not upright: export the cloud"
     ):
         find_up(points, axles, "z")
+
+
+@pytest.mark.parametrize("degrees", [0.0, 40.0, 60.0, 90.0, 120.0])
+def test_a_mirror_image_is_said_to_be_possible_wherever_z_does_not_tell(degrees):
+    """A mirrored cloud has the same floor: only z, which stays, can contradict it."""
+    rng = np.random.default_rng(7)
+    R = leaning(degrees, rng)
+    points, axles = scene(rng) @ R.T, AXLES_M @ R.T
+    mirror = np.eye(3) - 2.0 * np.outer(R @ UP, R @ UP)  # up becomes down
+    for way in (np.eye(3), mirror):
+        if degrees < 45.0 and way is mirror:
+            with pytest.raises(InputError, match="to which z points"):
+                find_up(points @ way.T, axles @ way.T)
+            continue
+        by = find_up(points @ way.T, axles @ way.T).by
+        off = degrees if way is not mirror else 180.0 - degrees
+        assert ("mirrored" in by) == (degrees > 45.0)
+        assert f"z{'' if degrees > 45.0 else ' axis'}, {off:.1f}° off" in by
 
 
 @pytest.mark.parametrize("seed", range(3))

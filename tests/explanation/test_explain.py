@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -25,10 +26,16 @@ from tests.support.made import (
 from tests.support.round_wheels import vehicle_points, with_disc
 from wheelplane.capture import CaptureOptions, open_capture
 from wheelplane.config import Config
+from wheelplane.detection import Candidate
 from wheelplane.errors import InputError
 from wheelplane.explanation.explain import explain_capture
 from wheelplane.explanation.explain_cloud import SAMPLE
-from wheelplane.explanation.records import ExplainedCandidate, ExplainedScan, Finding
+from wheelplane.explanation.records import (
+    ExplainedCandidate,
+    ExplainedScan,
+    Explanation,
+    Finding,
+)
 from wheelplane.explanation.verdicts import MOST_SHOWN, apart
 from wheelplane.measure import measure_capture
 from wheelplane.report.candidates.pictures import picture_corners_m, places
@@ -422,3 +429,30 @@ def test_of_a_cloud_with_unlike_targets_each_kind_is_shown(tmp_path):
     assert {one["target"] for one in tree["scans"][0]["candidates"]} == {
         kind.description for kind in kinds.values()
     }
+
+
+def test_a_target_behind_what_hides_it_is_shown_and_offered():
+    """On another surface and about as good; not a second place on the same, nor a poor one."""
+    panel = Candidate(np.zeros(3), np.eye(3), 0.58, 5e-4, 0.005, 13_000)
+    behind = replace(panel, centre_m=np.array([0.05, 0.0, -0.06]), match=0.57)
+    beside = replace(panel, centre_m=np.array([0.05, 0.0, 0.0]), match=0.57)
+    poor = replace(behind, centre_m=np.array([-0.05, 0.0, -0.06]), match=0.1)
+    assert apart([panel, behind], RADIUS_M) == [panel, behind]
+    assert apart([panel, beside, behind, poor], RADIUS_M) == [panel, behind]
+    judged = (
+        ExplainedCandidate(1, panel, "chosen", "outline"),
+        ExplainedCandidate(2, behind, "refused", "worse", apart_m=0.078),
+    )
+    scan = ExplainedScan(
+        "RR", "reference", "rr.ply", "no-outline", "", 9, np.zeros((0, 3)), None, judged
+    )
+    rival = replace(judged[0], standing="rival")
+    cases = (
+        (judged, "to choose the second: --hint RR=0.05,0,-0.06"),
+        (judged[:1], ""),
+        ((rival, judged[1]), "to choose the first: --hint RR=0,0,0"),
+    )
+    for candidates, offer in cases:
+        found = Explanation("car", "", "m", (replace(scan, candidates=candidates),))
+        assert offer in explanation_text(found)
+        assert ("to choose" in explanation_text(found)) == bool(offer)

@@ -15,7 +15,7 @@ from tests.support.batches import call
 from tests.support.turning import NOWHERE, PLACES, Scene, facing
 from wheelplane.capture.vertical import StatedVertical
 from wheelplane.cloud.preview import cloud_sample
-from wheelplane.errors import Doubt
+from wheelplane.errors import Doubt, InputError
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.doubts import FAR_M, TRACKS, TWIST_M, WHEELBASES
 from wheelplane.measurement.evaluate import align, find_verticals
@@ -114,6 +114,19 @@ def test_no_verdict_rests_on_a_vehicle_in_doubt(change, says):
     for verdict in judged(found).verdicts:
         assert verdict.reason == found.doubts[0]
         assert (verdict.probability, verdict.risk) == (None, None)
+
+
+def test_a_target_that_faces_along_the_car_is_refused_by_capture_and_wheel():
+    """Wheels exchanged across the vehicle: the frame's rear axle runs along their planes."""
+    crossed = {"RR": "FL", "FL": "RR"}
+    with pytest.raises(InputError, match=r"^test: wheel RR: the normal of its plane"):
+        measured(scene(names=crossed))
+    made = scene(trials=TRIAL)
+    trial = made.seen[-1]
+    target = replace(trial.evidence.target, normal=made.R.apply([1.0, 0.0, 0.0]))
+    made.seen[-1] = replace(trial, evidence=replace(trial.evidence, target=target))
+    with pytest.raises(InputError, match=r"^test: 1: wheel RR: the normal of its plane"):
+        measured(made)
 
 
 @pytest.mark.parametrize("wheel", PLACES)
@@ -241,6 +254,56 @@ def test_where_the_vertical_is_known_z_may_point_down(by):
     floor = by == "floor"
     found = measured(scene(flip=turned, floor=floor), () if floor else (stated,))
     assert found.doubts == ()
+
+
+SWAPPED = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])  # y and z: a mirror
+
+
+def turned_to(made, axes):
+    """The scans of a scene as in a file of other axes, (3, 3)."""
+    for index, one in enumerate(made.seen):
+        target = one.evidence.target
+        moved = replace(target, normal=axes @ target.normal, centre_m=axes @ target.centre_m)
+        cloud = one.cloud and cloud_sample(one.cloud.points_m @ axes.T)
+        made.seen[index] = replace(one, evidence=replace(one.evidence, target=moved), cloud=cloud)
+    return made
+
+
+@pytest.mark.parametrize("degrees", [70.0, 90.0, 110.0])
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_where_z_lies_across_nothing_is_decided_as_nothing_shows_a_mirror_image(degrees, mirrored):
+    tilt = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
+    axes = tilt @ (np.diag([1.0, -1.0, 1.0]) if mirrored else np.eye(3))
+    found = measured(turned_to(scene(trials=TRIAL), axes))
+    (doubt,) = found.doubts
+    assert "lies across the vehicle's up direction" in doubt
+    up = (-1.0 if mirrored else 1.0) * np.cos(np.radians(degrees))
+    assert float(doubt.parts["z"]) == pytest.approx(up, abs=0.02)
+    assert undecided(found) == EVERYTHING
+
+
+def test_y_and_z_exchanged_turn_every_camber_and_are_put_in_doubt():
+    upright, found = measured(scene()), measured(turned_to(scene(), SWAPPED))
+    for true, wrong in zip(upright.wheels, found.wheels, strict=True):
+        assert wrong.angles.camber_rad == pytest.approx(-true.angles.camber_rad, abs=1e-9)
+    assert [doubt.parts["z"] for doubt in found.doubts] == ["+0.00"]
+    assert undecided(found) == EVERYTHING - {"1"}
+
+
+@pytest.mark.parametrize("by", ["floor", "gravity", "leaning"])
+def test_a_scanner_on_its_side_is_believed_where_something_checks_the_order(by):
+    """The floor, gravity, or a z that is at most 60 degrees off."""
+    degrees = 50.0 if by == "leaning" else 90.0
+    tilt = Rotation.from_euler("x", degrees, degrees=True).as_matrix()
+    up = tuple(tilt @ [0.0, 0.0, 1.0])
+    stated = StatedVertical("gravity", up, 1e-4, "gravity = [0, 1, 0]", "")
+    made = turned_to(scene(floor=by == "floor"), tilt)
+    assert measured(made, (stated,) if by == "gravity" else ()).doubts == ()
+
+
+def test_the_floor_shows_y_and_z_exchanged():
+    found = measured(turned_to(scene(floor=True), SWAPPED))
+    assert ["above the wheel centres" in doubt for doubt in found.doubts] == [True]
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tests.support.given import standing
 from tests.support.plates import patch_of
 from tests.support.printing import setup_of
 from tests.support.scenes import Cloud, Setup, make
@@ -80,7 +81,7 @@ def site_of(site: int) -> tuple[np.ndarray, np.ndarray]:
     if site == 0:
         return np.eye(3), np.zeros(3)
     rng = np.random.default_rng(site)
-    return Rotation.random(random_state=site).as_matrix(), rng.uniform(-20.0, 20.0, 3)
+    return standing(Rotation.random(random_state=site)).as_matrix(), rng.uniform(-20.0, 20.0, 3)
 
 
 def evidence_of(cloud: Cloud, target: Target, seed: int = 0) -> Evidence:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tests.support.given import root
+from tests.support.given import root, standing
 from wheelplane.capture.entry import Turn
 from wheelplane.centre.in_plane_rotation import InPlaneRotation
 from wheelplane.centre.locate_centre import TargetFit
@@ -57,7 +57,7 @@ class Scene:
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
         site = np.random.default_rng([self.seed, 7])
-        self.R = Rotation.random(random_state=site.integers(1 << 31))
+        self.R = standing(Rotation.random(random_state=site.integers(1 << 31)))
         if self.turned is not None:
             self.R = self.turned * self.R
         self.shift = site.uniform(-20.0, 20.0, 3)

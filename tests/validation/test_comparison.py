@@ -14,6 +14,7 @@ from tests.support.validation_cars import TM30, Car, points
 from wheelplane.errors import Doubt, InputError
 from wheelplane.report.text.validation import validation_text
 from wheelplane.validation.comparison import ComparedMethod, check_alike, compare
+from wheelplane.validation.five_point import FivePointOptions
 from wheelplane.validation.frame_effect import rigid_rotation, shape_of
 from wheelplane.validation.statistics.joint_test import ErrorSource, Spread
 from wheelplane.validation.statistics.power import (
@@ -310,3 +311,20 @@ def test_another_unit_or_order_is_refused(change, said):
         check_alike(first, replace(first, label="five points", targets=targets), "five.txt")
     assert "\n" not in str(error.value)
     check_alike(first, car.dense(), "")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"coordinates": "spherical", "angle_unit": "deg"}, r"the angle unit \(--angle-unit deg\)"),
+        ({}, "--coordinates spherical"),
+    ],
+)
+def test_five_points_of_another_size_name_the_units_of_their_file(options, said):
+    """Angles in gon that are read as degrees move the centres by some percent."""
+    car = Car(8)
+    first = car.dense()
+    targets = tuple(replace(t, centre_m=1.06 * t.centre_m) for t in first.targets)
+    units = FivePointOptions(**options).units
+    with pytest.raises(InputError, match=f"check .*{said}.*, and that both are of this vehicle"):
+        check_alike(first, replace(first, targets=targets), "five.txt", units)

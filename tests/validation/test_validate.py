@@ -20,7 +20,9 @@ from wheelplane.cli import cli
 from wheelplane.config import Config
 from wheelplane.errors import ConfigError, InputError, WheelplaneError
 from wheelplane.five_point.file import read_five_point
+from wheelplane.report.format.language import load_translations
 from wheelplane.report.plots.validation import ticks
+from wheelplane.report.tables.study import verdict_lines
 from wheelplane.report.text.validation import validation_text
 from wheelplane.validation.five_point import (
     FivePointOptions,
@@ -432,6 +434,21 @@ def test_the_verdict_of_many_is_of_bias_and_of_single_captures():
     assert scattered.chance_of_disagreeing < EACH
     blind = replace(right, to_detect_rad=right.detectable_rad / 2)
     assert (blind.verdict, replace(right, rows=right.rows[:3]).verdict) == ("cannot tell",) * 2
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "says"),
+    [
+        (["a", "b", "a", "b", "a", "b"], "needs four vehicles (2 here; captures of one vehicle"),
+        (["a", "a", "a"], "needs four captures (3 here)"),
+        (["a", "b", "c"], "needs four captures (3 here)"),
+        (["a", "a", "a", "a"], "p = "),
+    ],
+)
+def test_what_the_test_of_the_bias_lacks_is_said(vehicles, says):
+    found = [replace(Car(i).compare(), vehicle=name) for i, name in enumerate(vehicles)]
+    study = ComparisonStudy("", tuple(Row(str(i), one) for i, one in enumerate(found)), None)
+    assert says in verdict_lines(study, load_translations("en"))[1]
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,8 @@ def _scan(scan: ExplainedScan, unit: str) -> str:
         row = (str(one.number), verdict_of(one, words), f"({centre})", match, noise, points)
         rows.append((*row, one.target) if several else row)
     lines = [head, aligned(rows, left=2)]
-    if not scan.is_measured and (hint := hint_of(scan, scan.candidates[0], unit)):
-        lines.append(f"  to choose the first: --hint {hint}, or [hints] in capture.toml")
+    other = next((one for one in scan.candidates if one.standing != "chosen"), None)
+    if not scan.is_measured and other and (hint := hint_of(scan, other, unit)):
+        which = "first" if other.number == 1 else "second"
+        lines.append(f"  to choose the {which}: --hint {hint}, or [hints] in capture.toml")
     return "\n".join(lines)

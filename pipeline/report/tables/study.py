@@ -44,7 +44,9 @@ def _capture(row: Row, writer: Writer) -> list[str]:
 def verdict_lines(study: ComparisonStudy, words: Translations) -> list[str]:
     """Return the two tests, and whether so few captures suffice."""
     count, probability = len(study.found), study.bias_probability
-    bias = words("study.bias_needs")
+    units = study.agreements[0].units if study.agreements else count
+    key = "bias_needs" if units == count else "bias_needs_vehicles"
+    bias = words(f"study.{key}", units=units)
     if probability is not None:
         bias = words.number(f"p = {probability:.3g}")
     p = words.number(f"{study.chance_of_disagreeing:.3g}")
