@@ -155,6 +155,9 @@ def evaluate_quantity(
         gauge_rr=study,
         no_gauge_rr=why_not,
         vertical=vertical,
+        in_place=tuple(
+            p for p in points if any(one and one.in_place(kind, p, item) for one in used)
+        ),
         coarser=coarser,
     )
 
