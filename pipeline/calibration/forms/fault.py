@@ -9,7 +9,7 @@ from typing import Self
 from ...errors import Wording
 
 ALIKE = "{fact} (so in {count} other rows: {rows})"
-FEW, MOST_RANGES = 3, 5  # rows of one fault that are named each; ranges of rows in one line
+FEW, MOST_RANGES = 3, 40  # rows of one fault that are named each; ranges of rows in one line
 # What differs from row to row in one systematic fault, by column.
 VARYING = {
     "value": ("value", "shown", "one", "other"),
