@@ -56,8 +56,8 @@ def convention_warnings(
                 kind=kind,
                 state=result.state,
                 convention=best[1],
-                found=_text(best[0], result.unit),
-                declared=_text(_rms(declared), result.unit),
+                found=size_text(best[0], result.unit),
+                declared=size_text(_rms(declared), result.unit),
             )
             found.append(text)
     return tuple(dict.fromkeys(found))
@@ -93,5 +93,7 @@ def _rms(errors: Array) -> float:
     return math.sqrt(float(np.mean(errors**2)))
 
 
-def _text(size: float, unit: str) -> str:
-    return f"{size * 1e3:.2g} mm" if unit == "m" else f"{math.degrees(size) * 60.0:.2g}'"
+def size_text(size: float, unit: str) -> str:
+    """Write a size in minutes of arc, or of a length in millimetres, to two digits or whole."""
+    scaled, mark = (size * 1e3, " mm") if unit == "m" else (math.degrees(size) * 60.0, "'")
+    return f"{scaled:.0f}{mark}" if scaled >= 99.5 else f"{scaled:.2g}{mark}"

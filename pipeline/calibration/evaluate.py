@@ -37,6 +37,7 @@ from .records import (
 )
 from .reference import Reference, joint_effects, reference_of
 from .scatter import RESOLUTION, Scatter, scatter_of
+from .slips import copying_doubts
 
 UNREAD = (
     "{kind}, {state}: point {point} has no reading in {where}: enter it, or leave out the other "
@@ -108,15 +109,18 @@ def evaluate_quantity(
         for i in np.flatnonzero(~scatter.alike).tolist()
     }
 
-    def doubts(point: str) -> tuple[Doubt, ...]:
-        found = dict.fromkeys(d for one in used if one for d in one.doubts_about(point))
-        return (*found, *([scattered[point]] if point in scattered else []))
-
     of_means = scatter.errors
     estimates = [
         estimate(float(error), row, effects)
         for error, row in zip(of_means, np.eye(len(points)), strict=True)
     ]
+    values_of = np.array([one.value for one in known])
+    copied = copying_doubts(points, estimates, values_of, kind, state)
+
+    def doubts(point: str) -> tuple[Doubt, ...]:
+        found = dict.fromkeys(d for one in used if one for d in one.doubts_about(point))
+        return (*found, *(of[point] for of in (scattered, copied) if point in of))
+
     found = tuple(
         _point(
             i,
@@ -155,6 +159,9 @@ def evaluate_quantity(
         gauge_rr=study,
         no_gauge_rr=why_not,
         vertical=vertical,
+        in_place=tuple(
+            p for p in points if any(one and one.in_place(kind, p, item) for one in used)
+        ),
         coarser=coarser,
     )
 

@@ -96,9 +96,10 @@ class QuantityResult:
     which every point was read. repeatability: pooled standard deviation of a single reading.
     reproducibility: standard deviation between levels, None for one. hysteresis: mean of upward
     less downward readings; None without both. gauge_rr: None, and why, where its scheme does not
-    apply. vertical: from which camber, caster or SAI is measured. unread: wheels and trials of the
-    references without a reading. coarser: step of all readings, which counts as their resolution
-    where it is coarser than the declared one. notes: sentences.
+    apply. vertical: from which camber, caster or SAI is measured. in_place: trials of rear wheels
+    that count from the thrust line, which is that with the trial in its wheel's place. unread:
+    wheels and trials of the references without a reading. coarser: step of all readings, which
+    counts as their resolution where it is coarser than the declared one. notes: sentences.
     """
 
     quantity: str
@@ -115,6 +116,7 @@ class QuantityResult:
     gauge_rr: GaugeRR | None = None
     no_gauge_rr: str = ""
     vertical: VerticalKind | None = None
+    in_place: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
     coarser: float | None = None
     notes: tuple[str, ...] = ()

@@ -80,6 +80,13 @@ class Reference:
             if wheel.observation.role in ROLES
         }
 
+    def in_place(self, kind: str, point: str, item: Item) -> bool:
+        """Return whether a point counts from a thrust line that its own trial turns."""
+        wheel = self.wheels.get(point)
+        if item.declared()[kind].axis != "thrust-line" or wheel is None:
+            return False
+        return wheel.observation.role == "trial" and wheel.wheel in ("RR", "RL")
+
     def doubts_about(self, point: str) -> tuple[Doubt, ...]:
         """Return the notes by which a wheel, trial, pair, axle or the vehicle is in doubt."""
         names = point.split("+")

@@ -39,7 +39,7 @@ def independent_quantities(normals: Array, centres: Array, wheels: Sequence[str]
         found |= _from_vertical(normals[:, : len(wheels)], normals[:, -1], r, left, found["toe"])
     ahead, across, _ = np.moveaxis((centres[:, :4] - middle[:, None]) @ axes, 2, 0)
     found |= _of_vehicle(ahead + 1j * across, found)
-    found |= _against_axes(ahead + 1j * across, found, left)
+    found |= _against_axes(ahead + 1j * across, found, wheels)
     found |= {"rear_track": rear_track, "front_track": front_track, "wheelbase": wheelbase}
     side_right, side_left = np.moveaxis(centres[:, 2:4] - centres[:, :2], 1, 0)
     found["wheelbase_left"] = np.sqrt(_dot(side_left, side_left))
@@ -99,11 +99,14 @@ def _of_vehicle(positions: ComplexArray, found: dict[str, Array]) -> dict[str, A
     }
 
 
-def _against_axes(positions: ComplexArray, found: dict[str, Array], left: Mask) -> dict[str, Array]:
+def _against_axes(
+    positions: ComplexArray, found: dict[str, Array], wheels: Sequence[str]
+) -> dict[str, Array]:
     """Return quantities relative to each axis: all rotated so that the axis runs forward."""
     angles = {"thrust_line": found["thrust_angle"], "centreline": found["centreline_angle"]}
     angles |= {"side_bisector": found["side_bisector_angle"], "": np.zeros(len(positions))}
     slope = np.tan(found["camber"])
+    side = np.array([-1.0 if wheel.endswith("L") else 1.0 for wheel in wheels])
     for name, angle in angles.items():
         suffix = f"_to_{name}" if name else ""
         local = positions * np.exp(1j * angle)[:, None]
@@ -112,10 +115,21 @@ def _against_axes(positions: ComplexArray, found: dict[str, Array], left: Mask) 
         found[f"axle_offset{suffix}"] = -local[:, 2:].imag.mean(axis=1)
         found[f"thrust_angle{suffix}"] = found["thrust_angle"] - angle
         if name:
-            toe = found["toe"] + np.where(left, -1.0, 1.0) * angle[:, None]
+            own = _own_thrust(found, wheels) if name == "thrust_line" else angle[:, None]
+            toe = found["toe"] + side * own
             found[f"toe{suffix}"] = toe
             found[f"camber_iso{suffix}"] = np.arctan(slope / np.cos(toe))
     return found
+
+
+def _own_thrust(found: dict[str, Array], wheels: Sequence[str]) -> Array:
+    """Return the thrust angle (T, W) of each wheel's vehicle, a trial in its wheel's place."""
+    columns = []
+    for index, wheel in enumerate(wheels):
+        rear = {"RR": 0, "RL": 1} | ({wheel: index} if wheel in ("RR", "RL") else {})
+        toe_right, toe_left = found["toe"][:, rear["RR"]], found["toe"][:, rear["RL"]]
+        columns.append(-np.angle(np.exp(1j * toe_right) + np.exp(-1j * toe_left)))
+    return np.column_stack(columns)
 
 
 def _dot(a: Array, b: Array) -> Array:

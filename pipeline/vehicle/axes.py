@@ -4,7 +4,7 @@ Four longitudinal axes are in use; all lie in the plane of left and forward, so 
 a rotation about up alone:
 - rear-axle: the rear-axle normal, which is the paper's axis and forward of `VehicleFrame`;
 - centreline: through the midpoints of both axles, the geometric centreline;
-- thrust-line: bisects the rear wheels' toe;
+- thrust-line: bisects the rear wheels' toe; of a trial of one, with the trial in its place;
 - side-bisector: bisector of the wheel-centre lines, left and right.
 
 The angle of an axis is measured from the rear-axle normal, > 0 to the right. Relative to an axis at
@@ -37,10 +37,12 @@ RR, RL, FR, FL = range(4)
 class Wheel:
     """Components of a wheel's outward unit normal; side: +1 on the left, -1 on the right.
 
-    rise, level: its parts along the vertical and across it; None where that is up.
+    place: index of the reference wheel that it is, or stands for. rise, level: its parts along
+    the vertical and across it; None where that is up.
     """
 
     side: float
+    place: int
     outward: Dual
     forward: Dual
     up: Dual
@@ -87,6 +89,17 @@ class Vehicle:
         """Return the angle of an axis from the rear-axle normal, > 0 to the right."""
         return self._axes[axis]
 
+    def axis_of(self, index: int, axis: Axis) -> Dual:
+        """Return the angle of an axis as the vehicle stands with one wheel in its place.
+
+        Of the four references it is that of `axis`; a trial of a rear wheel turns the thrust line.
+        """
+        place = self.wheels[index].place
+        if axis != "thrust-line" or index == place or place not in (RR, RL):
+            return self._axes[axis]
+        right, left = (index if rear == place else rear for rear in (RR, RL))
+        return self._thrust(left, right)
+
     @cached_property
     def _axes(self) -> dict[Axis, Dual]:
         middle = (self.positions[FL].left + self.positions[FR].left) / 2.0
@@ -94,7 +107,7 @@ class Vehicle:
         return {
             "rear-axle": constant(0.0, len(self.wheelbase.slope)),
             "centreline": atan2(-middle, ahead),
-            "thrust-line": (self._toes[RL] - self._toes[RR]) / 2.0,
+            "thrust-line": self._thrust(RL, RR),
             "side-bisector": (self._side(RL, FL) + self._side(RR, FR)) / 2.0,
         }
 
@@ -107,14 +120,19 @@ class Vehicle:
     def _toes_by_axis(self) -> dict[Axis, tuple[Dual, ...]]:
         return {
             axis: tuple(
-                toe - angle * wheel.side for toe, wheel in zip(self._toes, self.wheels, strict=True)
+                toe - self.axis_of(index, axis) * self.wheels[index].side
+                for index, toe in enumerate(self._toes)
             )
-            for axis, angle in self._axes.items()
+            for axis in AXES
         }
 
     @cached_property
     def _rises_and_levels(self) -> tuple[tuple[Dual, Dual], ...]:
         return tuple(map(_rise_and_level, self.wheels))
+
+    def _thrust(self, left: int, right: int) -> Dual:
+        """Return the angle of the line that bisects the toes of two wheels."""
+        return (self._toes[left] - self._toes[right]) / 2.0
 
     def _side(self, rear: int, front: int) -> Dual:
         back, head = self.positions[rear], self.positions[front]

@@ -12,7 +12,7 @@ from .angles import outward_normal
 from .autodiff import Dual, length
 from .axes import Position, Vehicle, Wheel, upright
 from .definitions import VEHICLE, WHEEL
-from .frame import VehicleFrame, build_reference_frame
+from .frame import REFERENCE_WHEELS, VehicleFrame, build_reference_frame
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,8 @@ def _dual_vehicle(
         if above is not None:
             aside, ahead, rise = upright((left, forward, up), above)
             level = length(aside, ahead)
-        found.append(Wheel(side, left * side, forward, up, rise, level))
+        place = REFERENCE_WHEELS.index(wheel)
+        found.append(Wheel(side, place, left * side, forward, up, rise, level))
     rear_right, rear_left, front_right, front_left = (
         Position(*_in_frame(frame, slopes, centre - origin, own - d_origin))
         for centre, own in zip(centres, columns[:4, 1], strict=True)

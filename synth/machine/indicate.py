@@ -53,16 +53,33 @@ def _points(truth: Mapping[str, Any], quantity: str, axis: str) -> dict[str, flo
         return {axis["wheel"]: 60.0 * axis[angle_deg] for axis in truth.get("kingpins", ())}
     if quantity == "total_toe":
         return {end: 60.0 * vehicle[f"{end}_total_toe_deg"] for end in ("front", "rear")}
-    thrust = 60.0 * vehicle["thrust_angle_deg"]
     if quantity == "thrust_angle":
-        return {"vehicle": thrust if axis == "rear-axle" else 0.0}
-    angle = thrust if quantity == "toe" and axis == "thrust-line" else 0.0
-    return {
-        wheel["name"]: 60.0 * wheel[f"{quantity}_deg"]
-        + (-angle if wheel["wheel"].endswith("L") else angle)
-        for wheel in truth["wheels"]
-        if wheel["role"] in ("reference", "trial")
+        return {"vehicle": 60.0 * vehicle["thrust_angle_deg"] if axis == "rear-axle" else 0.0}
+    wheels = [wheel for wheel in truth["wheels"] if wheel["role"] in ("reference", "trial")]
+    rear = {
+        wheel["wheel"]: wheel[f"{quantity}_deg"]
+        for wheel in wheels
+        if wheel["role"] == "reference" and wheel["wheel"] in ("RR", "RL")
     }
+    along = quantity == "toe" and axis == "thrust-line"
+    return {
+        wheel["name"]: 60.0
+        * (_to_thrust_line(wheel, rear) if along else float(wheel[f"{quantity}_deg"]))
+        for wheel in wheels
+    }
+
+
+def _to_thrust_line(wheel: Mapping[str, Any], rear: Mapping[str, float]) -> float:
+    """Return the toe of a wheel as the machine sees the vehicle, degrees.
+
+    rear: toes of RR and RL. The machine's line bisects the rear toes of the vehicle that stands on
+    it, a trial in its wheel's place: a rear wheel then has half of their sum.
+    """
+    now = {**rear, wheel["wheel"]: wheel["toe_deg"]}
+    if wheel["wheel"] in rear:
+        return float(now["RR"] + now["RL"]) / 2.0
+    thrust = (now["RL"] - now["RR"]) / 2.0
+    return float(wheel["toe_deg"] - thrust if wheel["wheel"] == "FL" else wheel["toe_deg"] + thrust)
 
 
 def with_points(truth: Mapping[str, Any], machine: MachineFile) -> MachineFile:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -252,3 +253,20 @@ def test_what_is_no_calibration_is_said_so():
         assert "no calibration" in calibration_row(tree).error
     error = {"schema": "x", "item": None, "error": "gone"}
     assert calibration_row(error) == CalibrationRow(error="gone")
+
+
+def test_the_summary_counts_verdicts_and_names_readings_that_cannot_be_used(archive):
+    """All captures are measured, so that the exit code is 0; the line says what is missing."""
+    bays, to = archive / "bays", archive / "results"
+    found = run(batch, bays, "-o", to, "--date-in-name", DATED)
+    assert found.return_value == 0
+    lines = found.stdout.splitlines()
+    known = Counter(one["decision"] for one in listed(archive) if not one["error"])
+    names = {"conform": "conforming", "undecided": "undecided", "not conform": "nonconforming"}
+    shown = ", ".join(f"{known[key]} {name}" for key, name in names.items() if known[key])
+    assert known.total() == 3
+    at = lines.index(f"calibrations: {shown}, 1 without results")
+    assert lines[at + 1].startswith(
+        "      1 not calibrated: readings.csv: row 2, column unit: 'gon' is no unit of toe"
+    )
+    assert lines[at + 2] == f"        such as 2026-04-15: wheelplane results {to} --calibrations"

@@ -188,7 +188,11 @@ def test_a_form_left_empty_names_every_row(folder, tmp_path):
     (folder / "empty.csv").write_bytes((tmp_path / "readings.csv").read_bytes())
     found = of(folder, readings="empty.csv")
     assert found.return_value == 2
-    assert len(found.stderr.splitlines()) == (2 * 8 + 2 + 2) * 3  # value and unit in one line
+    rows = (2 * 8 + 2 + 2) * 3  # value and unit in one line, which names all of them
+    assert found.stderr == (
+        "wheelplane: empty.csv: row 2, column value, unit: it is empty: fill it in, or delete the "
+        f"row (so in {rows - 1} other rows: 3-{rows + 1})\n"
+    )
 
 
 @pytest.mark.parametrize(

@@ -362,3 +362,38 @@ def test_the_csv_is_what_a_spreadsheet_writes(tmp_path):
         writer = csv.writer(stream)
         writer.writerows([[*COLUMNS[:8]], [], *ROWS[1:], ["", "", "", "", "", "", "", ""]])
     assert [one.row for one in read_readings(path, ITEM, known).rows] == [3, 4]
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "fact"),
+    [
+        ("0 03.8", "dms", "'0 03.8': write degrees, minutes and seconds as 0°10'30\", minutes and "
+         "seconds below 60"),
+        ("54.1", "deg", "54.1 deg is no plausible toe (at most 30°): check value and unit"),
+        ("3.8", "gon", "'gon' is no unit of toe: known are deg, dms, min, mm/m, mm"),
+    ],
+)  # fmt: skip
+def test_a_fault_of_many_rows_is_one_line_with_the_first_and_their_number(
+    tmp_path, value, unit, fact
+):
+    """Values differ from row to row; other faults keep their lines, and few rows each theirs."""
+    rows = [
+        f"RR,toe,{value if k == 0 else value[:-1] + str(k % 9)},{unit},1,{k + 1},as found,"
+        for k in range(12)
+    ]
+    rows[5] = "RR,toe,1,min,1,6,as found,"
+    rows.append("9,camber,1,deg,1,1,as found,")
+    found = faults(tmp_path, HEAD + "\n".join(rows))
+    column = "unit" if unit == "gon" else "value"
+    assert found == (
+        f"r.csv: row 2, column {column}: {fact} (so in 10 other rows: 3-6, 8-13)",
+        "r.csv: row 14, column point: '9' is no wheel or trial of bay: known are RR, 1",
+    )
+    few = faults(tmp_path, HEAD + "\n".join(rows[:3]))
+    assert [one.row for one in few] == [2, 3, 4]
+
+
+def test_points_without_a_reference_are_named_each(tmp_path):
+    rows = [f"{point},toe,1,min,1,1,as found," for point in range(2, 8)]
+    found = faults(tmp_path, HEAD + "\n".join(rows))
+    assert len(found) == 6

@@ -408,6 +408,7 @@ NOTES = {
     "tcgc_2013.py": ("by_old_estimator",),
     "plausibility.py": ("float32_fact", "lone_fact"),
     "scans.py": ("_part",),
+    "slips.py": ("copying_doubts",),
     "findings.py": ("findings", "_few_points", "_size", "_steps", "_duplicates", "_origin", "_flat",
                     "_pose"),
 }  # fmt: skip

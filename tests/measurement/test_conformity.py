@@ -549,6 +549,26 @@ def test_joint_probability_is_that_of_draws_by_the_covariance(measured):
     assert conformity_tree(whole)["verdict"]["joint_probability_of_conformity"] == whole.probability
 
 
+def test_a_rear_trial_is_judged_by_the_thrust_line_that_it_turns(measured):
+    """Half of the sum of its toe and the other rear wheel's; a front trial counts as before."""
+    limits = {axle: {"toe_to_thrust_line": WIDE} for axle in ("rear", "front")}
+    judged = {v.quantity.subject: v.quantity for v in assess(measured, tolerance(limits)).verdicts}
+    toe = {wheel.observation.name: wheel.angles.toe_rad for wheel in measured.wheels}
+    trials = {w.observation.name: w.wheel for w in measured.wheels if w.observation.role == "trial"}
+    assert trials
+    assert judged.keys() == toe.keys()
+    thrust = (toe["RL"] - toe["RR"]) / 2
+    moved = 0.0
+    for name, wheel in trials.items():
+        side = 1.0 if wheel.endswith("L") else -1.0
+        expected = before = toe[name] - side * thrust
+        if wheel in ("RR", "RL"):
+            expected = (toe[name] + toe["RL" if wheel == "RR" else "RR"]) / 2
+        assert judged[name].value == pytest.approx(expected, abs=1e-14)
+        moved = max(moved, abs(expected - before))
+    assert moved > 1e-3
+
+
 def test_one_quantity_alone_has_its_own_probability(measured):
     whole = assess(measured, tolerance({"trials": False, "RR": NEAR["RR"]}))
     assert whole.probability == whole.verdicts[0].probability

@@ -19,7 +19,8 @@ from wheelplane.errors import InputError
 from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
 from wheelplane.measure import measure_capture
-from wheelplane.measurement import assess, check_by_monte_carlo, load_tolerance
+from wheelplane.measurement import assess, by_name, check_by_monte_carlo, load_tolerance
+from wheelplane.report.format.earlier import read_earlier
 from wheelplane.report.json.measurement import to_json
 from wheelplane.report.json.stored import is_measurement, read_measurement
 
@@ -159,3 +160,23 @@ def test_a_value_that_contradicts_the_poses_is_refused(tmp_path, change, fact):
 def write_tree(path: Path, tree: dict) -> Path:
     path.write_text(json.dumps(tree))
     return path
+
+
+def test_rear_trials_of_an_earlier_version_are_counted_anew(tmp_path):
+    """Their toe was from the thrust line of the reference scans; nothing else may contradict."""
+    measurement = measure_five_point(read_five_point(PAPER))
+    tree = json.loads(to_json(measurement))
+    known = {entry["quantity"]: entry for entry in tree["uncertainty"]}
+    name = next(w["name"] for w in tree["wheels"] if (w["role"], w["wheel"]) == ("trial", "RR"))
+    entry = known[f"{name}.toe_to_thrust_line"]
+    entry["value"] = known[f"{name}.toe"]["value"] + known["thrust_angle"]["value"]
+    path = write_tree(tmp_path / "measurement.json", tree)
+    with pytest.raises(InputError, match=f"{name}.toe_to_thrust_line: value is"):
+        read_measurement(path, "mine.json")
+    tree["axes"]["thrust-line"]["definition"] = "thrust line, which bisects the rear wheels' toe"
+    write_tree(path, tree)
+    again, _ = read_measurement(path, "mine.json")
+    expected = by_name(measurement)[f"{name}.toe_to_thrust_line"].value
+    assert by_name(again)[f"{name}.toe_to_thrust_line"].value == pytest.approx(expected, abs=1e-12)
+    assert f"{name}.toe_to_thrust_line" not in read_earlier(path).values
+    assert f"{name}.toe" in read_earlier(path).values

@@ -44,6 +44,16 @@ def axes(centres, normals, up, ahead):
     }, rolls
 
 
+def own_thrust_lines(rolls, wheels):
+    """Directions of the thrust line with each wheel in its place, those of the front alike."""
+    found = []
+    for roll, wheel in zip(rolls, wheels, strict=True):
+        right, left = rolls[:2]
+        right, left = roll if wheel == "RR" else right, roll if wheel == "RL" else left
+        found.append(unit(right + left))
+    return found
+
+
 def plain(centres, normals, wheels):
     """By name: of a wheel (W,), of the vehicle a number; radians and metres."""
     right, left, front_right, front_left = centres
@@ -57,8 +67,11 @@ def plain(centres, normals, wheels):
     for axis in AXES:
         d = direction[axis]
         suffix = "" if axis == "rear-axle" else "_to_" + axis.replace("-", "_")
-        found["toe" + suffix] = side * [turn(d, roll, up) for roll in rolls]
-        across = np.array([abs(n @ np.cross(d, up)) for n in outer])
+        own = [d] * len(wheels) if axis != "thrust-line" else own_thrust_lines(rolls, wheels)
+        found["toe" + suffix] = side * [
+            turn(a, roll, up) for a, roll in zip(own, rolls, strict=True)
+        ]
+        across = np.array([abs(n @ np.cross(a, up)) for a, n in zip(own, outer, strict=True)])
         found["camber_iso" + suffix] = np.arctan([-(n @ up) for n in outer] / across)
         found["thrust_angle" + suffix] = turn(d, direction["thrust-line"], up)
         found["front_setback" + suffix] = (front_left - front_right) @ d

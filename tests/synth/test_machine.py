@@ -44,6 +44,14 @@ def test_true_values_are_in_minutes_and_millimetres_in_the_machine_s_sense():
     assert true_values(TRUTH, out, "toe") == pytest.approx({"RR": -6.0, "RL": -18.0})
     thrust = Indication(positive="toe-in", axis="thrust-line", resolution=0.1)
     assert true_values(TRUTH, thrust, "toe") == pytest.approx({"RR": 12.0, "RL": 12.0})
+    trials = [("1", "RL", 0.9), ("2", "FL", 0.9), ("3", "FR", 0.9)]
+    more = [
+        {"name": name, "role": "trial", "wheel": wheel, "toe_deg": toe, "camber_deg": 0.0}
+        for name, wheel, toe in trials
+    ]
+    known = true_values(TRUTH | {"wheels": [*TRUTH["wheels"], *more]}, thrust, "toe")
+    # In RL's place 0.9: the line bisects 0.1 and 0.9, and runs 0.4 to the right. FL, FR: 0.1.
+    assert known == pytest.approx({"RR": 12.0, "RL": 12.0, "1": 30.0, "2": 48.0, "3": 60.0})
     assert true_values(TRUTH, plain, "track") == {"front": 1500.0, "rear": 1600.0}
     assert true_values(TRUTH, plain, "total_toe")["rear"] == pytest.approx(24.0)
     assert true_values(TRUTH, plain, "thrust_angle") == pytest.approx({"vehicle": 6.0})

@@ -143,14 +143,37 @@ def test_an_axis_changes_toe_but_not_camber_or_total_toe(seed):
     side = np.array([1.0 if wheel.endswith("L") else -1.0 for wheel in WHEELS])
     names = {"centreline": "centreline_angle", "thrust-line": "thrust_angle"}
     for axis, angle in (names | {"side-bisector": "side_bisector_angle"}).items():
-        toe = found[named("toe", axis)]
-        np.testing.assert_allclose(toe, found["toe"] - side * found[angle], rtol=0, atol=1e-15)
+        toe, turned = found[named("toe", axis)], np.full(6, found[angle])
+        if axis == "thrust-line":  # of the trial of RL, the last one, with it in the place of RL
+            turned[5] = (found["toe"][5] - found["toe"][0]) / 2
+        np.testing.assert_allclose(toe, found["toe"] - side * turned, rtol=0, atol=1e-15)
         iso = np.tan(found[named("camber_iso", axis)])
         np.testing.assert_allclose(iso, np.tan(found["camber"]) / np.cos(toe), rtol=1e-12)
         assert toe[0] + toe[1] == pytest.approx(found["rear_total_toe"], abs=1e-15)
         assert np.abs(toe - found["toe"]).min() > 1e-4
     thrust = found["toe_to_thrust_line"]
     assert thrust[0] == pytest.approx(thrust[1], abs=1e-15)  # it bisects the rear toes
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("wheel", REFERENCE_WHEELS)
+def test_a_trial_counts_from_the_thrust_line_of_the_vehicle_that_it_stands_on(seed, wheel):
+    """The vehicle measured anew, its wheel as in the trial, has the trial's toe and ISO camber."""
+    centres, normals = some_car(seed)
+    index, wheels = REFERENCE_WHEELS.index(wheel), [*REFERENCE_WHEELS, wheel]
+    found = quantities(centres, normals[:5], wheels)
+    placed = normals[:4].copy()
+    placed[index] = normals[4]
+    anew = quantities(centres, placed, wheels[:4])
+    for name in ("toe_to_thrust_line", "camber_iso_to_thrust_line", "toe", "camber"):
+        assert found[name][4] == pytest.approx(anew[name][index], abs=1e-15)
+    as_it_stood = quantities(centres, normals[:4], wheels[:4])
+    for name in ("toe_to_thrust_line", "camber_iso_to_thrust_line"):
+        np.testing.assert_allclose(found[name][:4], as_it_stood[name], rtol=0, atol=1e-15)
+    for name in ("thrust_angle", "steer_ahead", "rear_total_toe"):
+        assert found[name] == as_it_stood[name]  # of the vehicle as it stood in its own scans
+    turned = anew["thrust_angle"] - as_it_stood["thrust_angle"]
+    assert (abs(turned) > 1e-4) == (wheel in ("RR", "RL"))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -268,6 +291,7 @@ def test_json_keeps_the_papers_angles_and_adds_the_axes(measured):
     assert all(tree == trees["rear-axle"] for tree in trees.values())
     tree = trees["rear-axle"]
     frame = {name: np.array(tree["frame"][name]) for name in ("left", "forward", "up")}
+    rear = {wheel["name"]: wheel["toe_deg"] for wheel in tree["wheels"][:2]}
     for axis, shown in tree["axes"].items():
         turn = math.radians(shown["angle_deg"])
         along = math.cos(turn) * frame["forward"] - math.sin(turn) * frame["left"]
@@ -276,6 +300,8 @@ def test_json_keeps_the_papers_angles_and_adds_the_axes(measured):
             assert turned["name"] == wheel["name"]
             side = 1.0 if wheel["wheel"].endswith("L") else -1.0
             toe = wheel["toe_deg"] - side * shown["angle_deg"]
+            if axis == "thrust-line" and wheel["wheel"] in rear:  # half of the sum of both
+                toe = (wheel["toe_deg"] + rear[OTHER[wheel["wheel"]]]) / 2.0
             assert turned["toe_deg"] == pytest.approx(toe, abs=1e-12)
             assert turned["camber_deg"] == wheel["camber_deg"]
             assert turned["u_camber_deg"] == wheel["u_camber_deg"]
@@ -300,6 +326,11 @@ def test_u_of_toe_to_another_axis_takes_the_covariance_with_its_angle(measured):
             slope = np.zeros(len(names))
             slope[names.index(f"{wheel['name']}.toe")] = 1.0
             slope[names.index(angle)] = -1.0 if wheel["wheel"].endswith("L") else 1.0
+            own = wheel["role"] == "trial" and wheel["wheel"] in ("RR", "RL")
+            if axis == "thrust-line" and own:
+                slope[:] = 0.0  # half of the sum of both rear toes, the trial's and the other's
+                other = OTHER[wheel["wheel"]]
+                slope[[names.index(f"{name}.toe") for name in (wheel["name"], other)]] = 0.5
             u = math.sqrt(slope @ matrix @ slope)
             assert shown["u_toe_deg"] == pytest.approx(u, rel=1e-9)
             apart.append(math.sqrt(slope**2 @ np.diag(matrix)) / u - 1.0)

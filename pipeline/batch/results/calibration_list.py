@@ -55,6 +55,23 @@ def calibrations(catalogue: Catalogue, which: Filter = ALL) -> tuple[ListedCalib
     return tuple(ListedCalibration(*row) for row in rows)
 
 
+def counts(catalogue: Catalogue) -> dict[str | None, int]:
+    """Return the number of calibrations with results by their decision."""
+    rows = catalogue.connection.execute(
+        "SELECT decision, COUNT(*) FROM calibration_rows WHERE error = '' GROUP BY decision"
+    )
+    return dict(rows)
+
+
+def unusable(catalogue: Catalogue) -> tuple[int, str, str]:
+    """Return how many calibrations have no results; the first one's capture, and why."""
+    rows = catalogue.connection.execute(
+        "SELECT c.name, k.error FROM calibration_rows AS k JOIN captures AS c USING(id) "
+        "WHERE k.error <> '' ORDER BY c.day, c.name, key"
+    ).fetchall()
+    return (len(rows), *rows[0]) if rows else (0, "", "")
+
+
 def trees_of(catalogue: Catalogue, serial: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield capture and JSON of a machine's calibrations that have results, in that order."""
     for one in calibrations(catalogue):

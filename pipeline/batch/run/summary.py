@@ -8,11 +8,19 @@ from ...errors import printable
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import STATUSES
 from ..plan.shard import ALL, Shard
+from ..results.calibration_list import counts as decisions_of
+from ..results.calibration_list import unusable
 from ..results.query import Filter, brief, count, failures
 from .progress import RunCounts
 from .work import RECOGNISED, VANISHED
 
 WORST, REASON_LENGTH = 5, 140
+DECISIONS = {
+    "conform": "conforming",
+    "undecided": "undecided",
+    "not conform": "nonconforming",
+    None: "without a limit",
+}
 
 
 def summary(
@@ -45,8 +53,7 @@ def summary(
         lines.append(f"{missing:7} were removed while it ran: repeat the command to measure them")
     failing = failures(catalogue, examples=1)
     for group in failing[:WORST]:
-        reason = brief(group.reason, group.examples[0])
-        shown = reason if len(reason) <= REASON_LENGTH else f"{reason[: REASON_LENGTH - 3]}..."
+        shown = _short(brief(group.reason, group.examples[0]))
         lines.append(f"{group.count:7} {group.status}, {group.stage or 'wheels'}: {shown}")
         lines.append(f"        such as {group.examples[0]}")
     if len(failing) > WORST:
@@ -54,8 +61,27 @@ def summary(
         kinds = len(failing) - WORST
         others = f"{rest:7} for {kinds} other reason{'s' * (kinds > 1)}"
         lines.append(f"{others}: wheelplane results {results} --failures")
+    lines += _calibrations(catalogue, results)
     lines += ["", f"next: wheelplane results {results}"]
     return "\n".join(map(printable, lines)), held["ok"] == held.total() and not missing
+
+
+def _calibrations(catalogue: Catalogue, results: str) -> list[str]:
+    """Return the verdicts on machines beside the scans, and why one has none; nothing without."""
+    decided, (without, example, error) = decisions_of(catalogue), unusable(catalogue)
+    if not (decided or without):
+        return []
+    shown = [f"{decided[key]} {word}" for key, word in DECISIONS.items() if key in decided]
+    shown += [f"{without} without results"] * (without > 0)
+    lines = ["", f"calibrations: {', '.join(shown)}"]
+    if without:
+        lines.append(f"{without:7} not calibrated: {_short(error)}")
+        lines.append(f"        such as {example}: wheelplane results {results} --calibrations")
+    return lines
+
+
+def _short(reason: str) -> str:
+    return reason if len(reason) <= REASON_LENGTH else f"{reason[: REASON_LENGTH - 3]}..."
 
 
 def _numbers(counts: Counter[str]) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ...errors import InputError, MissingDependencyError, Wording, fact_of, remedy_of
-from .fault import Fault
+from .fault import Fault, summed_up
 
 MAX_BYTES, MAX_UNPACKED, MAX_ROWS, MAX_COLUMNS = 16 << 20, 256 << 20, 20_000, 256
 MAX_MERGED = 100_000  # cells; openpyxl makes an object of each
@@ -56,7 +56,10 @@ class Row:
 
 
 class FaultyTableError(InputError):
-    """A table with faults, each one line: file, row, column, fact and what to do."""
+    """A table with faults, each one line: file, row, column, fact and what to do.
+
+    A fault that many rows have is one line.
+    """
 
     def __init__(self, faults: Sequence[str]) -> None:
         super().__init__("; ".join(faults))
@@ -77,7 +80,7 @@ class Faults:
     def check(self) -> None:
         """Raise FaultyTableError where there are any."""
         if self.found:
-            raise FaultyTableError(self.found)
+            raise FaultyTableError(summed_up(self.name, self.found))
 
 
 def read_table(

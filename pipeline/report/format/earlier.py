@@ -12,6 +12,8 @@ from typing import Any
 
 from ...errors import InputError, fact_of, remedy_of
 from ...measurement import Measurement
+from ...vehicle import named
+from .view import DEFINED
 
 SCHEMA = "wheelplane/measurement/1"
 SCALE = {"deg": math.radians(1.0), "m": 1.0}
@@ -130,8 +132,28 @@ def check_comparable(earlier: Earlier, measurement: Measurement) -> None:
         )
 
 
+def counted_otherwise(tree: Mapping[str, Any]) -> frozenset[str]:
+    """Return the quantities of a measurement.json that its version counted otherwise.
+
+    Its toes of rear trials are from the thrust line of the reference wheels, unless its words for
+    that line are those of today.
+    """
+    stated = tree.get("axes", {}).get("thrust-line", {}).get("definition")
+    if stated == DEFINED["thrust-line"]:
+        return frozenset()
+    return frozenset(
+        f"{wheel['name']}.{named(kind, 'thrust-line')}"
+        for wheel in tree["wheels"]
+        for kind in ("toe", "camber_iso")
+        if wheel["role"] != "reference" and wheel["wheel"] in ("RR", "RL")
+    )
+
+
 def _values(tree: Mapping[str, Any]) -> Iterator[tuple[str, Known]]:
+    otherwise = counted_otherwise(tree)
     for entry in tree["uncertainty"]:
+        if entry["quantity"] in otherwise:
+            continue
         numbers = (entry["value"], entry["u"], entry["expanded_95"])
         yield entry["quantity"], _known(numbers, SCALE[entry["unit"]])
     for axis in tree["steering"]["kingpins"]:

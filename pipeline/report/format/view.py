@@ -29,7 +29,10 @@ Sort = Literal["toe", "total", "heading", "camber"]
 DEFINED: dict[Axis, str] = {
     "rear-axle": "normal to the rear axle",
     "centreline": "geometric centreline, through the midpoints of both axles",
-    "thrust-line": "thrust line, which bisects the rear wheels' toe",
+    "thrust-line": (
+        "thrust line, which bisects the rear wheels' toe; of a trial of a rear wheel, with the "
+        "trial in that wheel's place"
+    ),
     "side-bisector": "bisector of the lines through the wheel centres of either side",
 }
 UNITS: dict[AngleStyle, str] = {

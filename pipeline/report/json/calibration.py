@@ -116,6 +116,7 @@ def _quantity(result: QuantityResult) -> dict[str, Any]:
         "gauge_rr": _gauge_rr(result.gauge_rr, unit),
         "no_gauge_rr": result.no_gauge_rr,
         "vertical": result.vertical,
+        "thrust_line_by_trial": list(result.in_place),
         "unread": list(result.unread),
         **_of("resolution_shown", result.coarser, unit),
         "notes": list(result.notes),

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ...measurement import Measurement
+from ..format.earlier import counted_otherwise
 from .measurement import to_tree
 
 WHEEL = ("toe", "camber", "camber_iso")
@@ -18,9 +19,11 @@ def check_stated_values(tree: Mapping[str, Any], found: Measurement) -> None:
     """Raise ValueError where the file states another value than its poses give.
 
     tree: of the file. found: the measurement by its poses. What the file lacks is not compared, nor
-    are uncertainties: another version may evaluate them otherwise.
+    are uncertainties and what its version counted otherwise.
     """
     stated = dict(_values(tree))
+    for name in counted_otherwise(tree):
+        stated.pop(f"uncertainty of {name}: value", None)
     for name, value in _values(to_tree(found)):
         other = stated.get(name)
         if value is None or other is None:

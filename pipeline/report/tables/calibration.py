@@ -48,6 +48,9 @@ def declared(result: QuantityResult, writer: Writer) -> str:
     words, stated = writer.words, result.declared
     parts = [words("calibration.resolution_of", value=words.number(stated.resolution))]
     parts += [words(f"calibration.{name}", value=value) for name, value in _given(stated, words)]
+    if result.in_place:
+        points = ", ".join(point_name(one, result.quantity, words) for one in result.in_place)
+        parts.append(words("calibration.in_place", points=points))
     if result.vertical is not None:
         parts.append(words(f"calibration.measured_from_{result.vertical}"))
     return "; ".join(parts)

@@ -18,7 +18,7 @@ def vehicle_lines(measurement: Measurement, view: View = PAPER) -> str:
     writer = plain_writer(view)
     return "\n".join(
         [
-            f"Longitudinal axis in use ({view.axis}): the {DEFINED[view.axis]}.",
+            paragraph(f"Longitudinal axis in use ({view.axis}): the {DEFINED[view.axis]}."),
             *_convention(writer),
             paragraph(writer.words("results.axles_note")),
             axles_table(measurement, writer).text(),
