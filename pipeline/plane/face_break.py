@@ -35,7 +35,7 @@ FIRST_AREAS = np.array(
     [(u, v, *shape) for u, v, shape in product(MIDDLES, MIDDLES, SHAPES) if math.hypot(u, v) < 0.9]
 )
 VARIED = np.array([0.125, 0.125, 0.3, 0.3, np.pi / 8])  # middle, logarithms of half sides, turn
-VARIATIONS = VARIED * [by for by in product((-1, 0, 1), repeat=5) if np.count_nonzero(by) < 3]
+VARIATIONS = VARIED * [by for by in product((-1, 0, 1), repeat=5) if by.count(0) > 2]
 STARTS, ROUNDS, SMALLER = 6, 5, 0.65  # each round of variations by that much of those before
 UNLIKELY_AREA = 14.0  # as UNLIKELY; there are more areas than lines
 CLEARER, CLEARER_BY = 1.2, 8.0  # gain by the best line's, and over it, of areas worth a trial
@@ -167,8 +167,11 @@ def noise_and_break(
     if cells is None or not cells.white_variance > resolution_m**2:
         return plain.of_plane, None
     trial = _Trial((cells, *lined), radius_m, spread_m, resolution_m, plain)
-    lines, areas = _likely_lines(cells, radius_m), _likely_areas(cells, radius_m)
+    lines = _likely_lines(cells, radius_m)
     tried = [trial.of(lines, UNLIKELY)] if lines.most >= LEAST_GAIN else []
+    if not tried and not any(plain.gains):
+        return plain.of_plane, None
+    areas = _likely_areas(cells, radius_m)
     if areas.most > max(CLEARER * lines.most, lines.most + CLEARER_BY):
         in_squares = replace(trial, kinds=(cells,)).of(areas, UNLIKELY_AREA)
         if in_squares.log_odds > DOUBTFUL:
