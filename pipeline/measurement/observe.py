@@ -61,6 +61,11 @@ BROKEN = {
         "is that of all points, and what the bend tilts it by is in the uncertainty (flatness). "
         "Straighten or replace it."
     ),
+    "area": (
+        "A part of the target's face is raised, or sunk, by {sizes}: its plane is that of all "
+        "points, and what this part tilts it by is in the uncertainty (flatness). Look for a "
+        "label, a thin plate, dirt or damage on it, and remove it."
+    ),
 }
 SHADED = (
     "Ranges follow brightness: bright parts of the target lie nearer to the scanner than its dark "
@@ -324,7 +329,7 @@ def shaded(observations: Sequence[Observation]) -> Iterator[str]:
 
 
 def broken(observations: Sequence[Observation]) -> Iterator[str]:
-    """Yield a note on targets whose face has a step, and on those that are bent, with sizes."""
+    """Yield a note each on targets whose face has a step, a bend or a raised part, with sizes."""
 
     def height(plane: PlaneFit) -> tuple[str, float] | None:
         found = plane.broken

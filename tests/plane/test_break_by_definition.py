@@ -97,7 +97,7 @@ def test_each_line_is_one_more_unknown_of_least_squares(kind, columns):
     lines = Lines.of(kind, turns, distances, known.side_m)
     found = _Fits.of(lines, known)
     plane, square = solved(known, known.slopes)
-    assert found.by_line.shape == (3, 35)
+    assert found.by_shape.shape == (3, 35)
     assert found.covariance.shape == (3, 3)
     for index, column in enumerate(lines.columns(known.uv_m).T):
         all_of, left = solved(known, np.column_stack([known.slopes, column]))
@@ -107,7 +107,7 @@ def test_each_line_is_one_more_unknown_of_least_squares(kind, columns):
         gain = 0.5 * (square - left) / WHITE_M**2
         assert found.gain[index] == pytest.approx(gain, rel=1e-6, abs=1e-9)
         moved = plane[:3] - all_of[:3]
-        np.testing.assert_allclose(found.by_line[:, index], moved, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(found.by_shape[:, index], moved, rtol=1e-6, atol=1e-12)
     assert found.most == found.gain.max() == found.gain[found.best]
 
 
@@ -121,7 +121,7 @@ def test_a_clear_step_is_found_nearer_than_between_the_lines_first_tried(seed):
         seed=seed, height=lambda u, v: 3e-4 * clear.columns(np.column_stack([u, v]))[:, 0]
     )
     likely = _likely_lines(known, RADIUS_M)
-    line = likely.lines.one(likely.best)
+    line = likely.shapes.one(likely.best)
     assert line.kind == "step"
     cosine = float(line.directions[0] @ clear.directions[0])
     assert np.arccos(min(1.0, abs(cosine))) < 0.25 * np.pi / DIRECTIONS
@@ -137,7 +137,7 @@ def believed(known, lined):
     The noise of the cells as they are, and without what the line leaves in them.
     """
     likely = _likely_lines(known, RADIUS_M)
-    line, size = likely.lines.one(likely.best), likely.size[likely.best]
+    line, size = likely.shapes.one(likely.best), likely.size[likely.best]
     less, gains = [], []
     for one in (known, *lined):
         rest = replace(one, mean_m=one.mean_m - size * line.columns(one.uv_m)[:, 0])
