@@ -80,10 +80,14 @@ class PlaneConfig(Section):
 
 
 class CentreConfig(Section):
-    """Location of the centre (centre/)."""
+    """Location of the centre (centre/).
+
+    ambiguity_m: as of an InstrumentConfig; None where it is not known.
+    """
 
     max_points: int = Field(60_000, ge=1000)
     spot_radius_m: float = Field(0.0015, gt=0.0, le=MOST_ERROR_M)
+    ambiguity_m: float | None = Field(None, ge=0.0, le=100.0)
     model_uncertainty_m: float = Field(4e-6, ge=0.0)
     max_iterations: int = Field(40, ge=1)
 
@@ -92,9 +96,12 @@ class InstrumentConfig(Section):
     """Scanner: standard uncertainties of type B (uncertainty/type_b.py).
 
     A scanner's file states them in its table [instrument]. range_sigma_m: noise of one range, with
-    which that of the scans is compared. spot_radius_m: overrides that of [centre]. distance_m: from
-    scanner to target, for scans that do not state the scanner's position. range_scale_ppm: error of
-    all ranges, per million. incidence_bias_m: b of the range error b (1 / cos(incidence) - 1).
+    which that of the scans is compared. spot_radius_m: overrides that of [centre]. ambiguity_m:
+    half the shortest wavelength of a phase-shift scanner's modulation, whose phases add in a mixed
+    pixel; 0 of a scanner that tells the mean of all ranges in its footprint.
+    distance_m: from scanner to target, for scans that do not state the scanner's position.
+    range_scale_ppm: error of all ranges, per million. incidence_bias_m: b of the range error b (1 /
+    cos(incidence) - 1).
     collimation, trunnion, vertical index, and beam offset: errors of the axes, about the scan's z;
     of an eccentricity the rms amplitude. same_face: all scans were taken in one face of the
     instrument, so that errors of its axes are the same at every station. pointing, registration: of
@@ -103,6 +110,7 @@ class InstrumentConfig(Section):
 
     range_sigma_m: float | None = Field(None, gt=0.0, le=MOST_ERROR_M)
     spot_radius_m: float | None = Field(None, gt=0.0, le=MOST_ERROR_M)
+    ambiguity_m: float | None = Field(None, ge=0.0, le=100.0)
     range_bias_m: float = Field(0.0, ge=0.0, le=MOST_ERROR_M)
     range_scale_ppm: float = Field(0.0, ge=0.0, le=10_000.0)
     incidence_bias_m: float = Field(0.0, ge=0.0, le=MOST_ERROR_M)
@@ -266,8 +274,9 @@ def with_scanner(config: Config, name: str | None) -> Config:
         return config
     stated = _instrument(InstrumentConfig, "laser-scanner", name)
     update: dict[str, Section] = {"instrument": stated}
-    if stated.spot_radius_m is not None:
-        update["centre"] = config.centre.model_copy(update={"spot_radius_m": stated.spot_radius_m})
+    beam = stated.model_dump(include={"spot_radius_m", "ambiguity_m"}, exclude_none=True)
+    if beam:
+        update["centre"] = config.centre.model_copy(update=beam)
     return config.model_copy(update=update)
 
 

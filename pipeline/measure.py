@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from . import __version__
+from . import wheel as bare_wheel
 from .capture import Capture
 from .centre import (
     TargetFit,
@@ -60,7 +61,6 @@ from .plane import Patch, PlaneFit, distance_pull, fit_plane
 from .targets import Target, WheelTarget
 from .uncertainty import brightness_component, distance_component, with_type_b
 from .vectors import Array
-from .wheel import fit_surface, profile_of, target_of
 
 # Of the edge that the best placement shows by mixed pixels: what makes another as likely; of the
 # radius: where it is the same.
@@ -282,12 +282,14 @@ def _placed(
 
 
 def _fit_bare_wheel(patch: Patch, target: WheelTarget, config: Config) -> Evidence:
-    found, stated = fit_surface(patch, target.rim_inch), config.instrument
-    fitted = target_of(found, patch)
+    found, stated = bare_wheel.fit_surface(patch, target.rim_inch), config.instrument
+    fitted = bare_wheel.target_of(found, patch)
     sight_m = fitted.sight_m(stated.distance_m, patch.scanner_m)
     of_fit = (fitted.components, fitted.normal, sight_m)
     components = with_type_b(*of_fit, target, stated, patch.station)
-    return Evidence(replace(fitted, components=components), profile=profile_of(found, patch))
+    return Evidence(
+        replace(fitted, components=components), profile=bare_wheel.profile_of(found, patch)
+    )
 
 
 def provenance_of_capture(

@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .. import wheel as bare_wheel
 from ..capture import Capture, Hint, ScanEntry, Searched, boxed
 from ..cloud import by_wheel, over_items, sample
 from ..config import Config
@@ -31,9 +33,11 @@ from ..system import stage
 from ..targets import PatternTarget, Target
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
-from ..wheel import VehicleScan, WheelPlace, find_places
 from .observe import Fit, note_on_hint, notes_on_copies, notes_on_lone_points
 from .records import Evidence, Naming, Observation
+
+if TYPE_CHECKING:
+    from ..wheel import WheelPlace
 
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
 
@@ -97,7 +101,7 @@ def targets_of_cloud(
     check_vehicle_cloud(scan.points_m, smallest_m, capture.length_unit, source)
     progress(f"{cloud.file}: searching")
     parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
-    seen = VehicleScan(
+    seen = bare_wheel.VehicleScan(
         points_m=scan.points_m,
         intensity=scan.intensity,
         parts=[(p.start, p.stop) for p in parts],
@@ -110,7 +114,7 @@ def targets_of_cloud(
         if (chosen := capture.hints.get(wheel)) and chosen.near is not None
     ]
     try:
-        places = find_places(seen, kinds, config, near_m)
+        places = bare_wheel.find_places(seen, kinds, config, near_m)
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error
     if not near_m:

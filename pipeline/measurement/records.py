@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -25,8 +25,10 @@ from ..uncertainty import (
 )
 from ..vectors import Array
 from ..vehicle import VehicleFrame, WheelAngles
-from ..wheel import WheelProfile
 from .residual_map import ResidualMap
+
+if TYPE_CHECKING:
+    from ..wheel import WheelProfile
 
 NAMED = "Wheels named by the geometry; front: {front}; up: {up}."
 

@@ -38,7 +38,7 @@ class Plate(Section):
     """
 
     thickness: float | None = Field(None, ge=0.0, lt=0.2)
-    chamfer: float | None = Field(None, ge=0.0, lt=0.02)
+    chamfer: float | None = Field(None, ge=0.0, le=0.003)
     flatness: float = Field(0.0, ge=0.0, lt=0.01)
     clamp_tilt_deg: float = Field(0.0, ge=0.0, lt=5.0)
     clamp_shift: float = Field(0.0, ge=0.0, lt=0.05)

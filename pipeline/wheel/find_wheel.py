@@ -4,40 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..config import Config
-from ..detection import find_target
 from ..plane import Patch
-from ..targets import Target, WheelTarget
-from ..vectors import Array, Array32
+from ..vectors import Array
 from .find_axis import RoughAxis, find_axis
 from .normal_lines import Axis
 
 BESIDE_M = 0.05  # beyond the surfaces that slope
 DEPTH_M = 0.25  # of the surfaces before and behind its middle
 BEFORE_M = 0.03
-CHOSEN_M = 0.8  # about a point on the wheel: no tyre is larger across
 CLOSE = (0.7, 0.92)  # of the radius: the tyre's side wall
-
-
-def find_patch(
-    points_m: Array,
-    target: Target,
-    config: Config,
-    intensity: Array32 | None = None,
-    axes: Array | None = None,
-    near_m: Array | None = None,
-    outward: Array | None = None,
-) -> Patch:
-    """Find the target in points_m (N, 3), or the wheel itself, and cut its patch.
-
-    intensity: (N,) or None. axes, near_m: see `find_target`; of a wheel, the points within CHOSEN_M
-    of near_m are searched, and its normal is that towards outward (3,). Raises NotMeasuredError.
-    """
-    if isinstance(target, WheelTarget):
-        if near_m is not None:
-            points_m = points_m[np.linalg.norm(points_m - near_m, axis=1) < CHOSEN_M]
-        return find_wheel(points_m, near_m, outward)
-    return find_target(points_m, target, config.segment, config.seed, intensity, axes, near_m)
 
 
 def find_wheel(points_m: Array, near_m: Array | None = None, outward: Array | None = None) -> Patch:

@@ -14,7 +14,8 @@ from ..errors import NotMeasuredError
 from ..plane import Patch
 from ..vectors import Array, Rows, plane_basis
 from .find_axis import SLANT, RoughAxis, find_axis
-from .find_wheel import CHOSEN_M, cut_wheel
+from .find_patch import CHOSEN_M
+from .find_wheel import cut_wheel
 from .fit_wheel import fit_surface
 from .normal_lines import Axis
 

@@ -198,6 +198,8 @@ class Beam(Section):
     return_mode: which return of a spot that meets several surfaces is reported: the average of
     all, or the first, last or strongest of those that are range_gate_m or more apart; or two, the
     first and the last, each as a point (a multi-echo scanner; scans of single wheels only).
+    ambiguity_m: of a phase-shift scanner, half the shortest wavelength of its modulation, whose
+    phases add as vectors; 0: an average is the mean of the ranges.
     detector_threshold: least power detected, albedo * cosine / range^2 of a whole spot, as the
     intensity.
     edge_filter_m: as software that filters edge points, leave out those whose range differs by more
@@ -227,6 +229,7 @@ class Beam(Section):
     incidence_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
     return_mode: Literal["average", "first", "last", "strongest", "two"] = "average"
     range_gate_m: float = Field(0.0, ge=0.0, le=10.0)
+    ambiguity_m: float = Field(0.0, ge=0.0, le=100.0)
     detector_threshold: float = Field(0.0, ge=0.0)
     edge_filter_m: float = Field(0.0, ge=0.0, le=1.0)
     line_sigma_m: float = Field(0.0, ge=0.0, le=0.1)

@@ -63,10 +63,25 @@ def _average_chunk(
     if beam.power_weighted:  # reflectance * cosine is the power returned of the whole beam's
         reflectance = total / count / np.where(cosine > 0.0, cosine, 1.0)
     target = rays.target.reshape(-1, count)
+    range_m = mean(rays.range_m)
+    if beam.ambiguity_m > 0.0:
+        range_m = _by_phase(rays.range_m.reshape(-1, count), weight, range_m, beam.ambiguity_m)
     return Echoes(
-        np.where(enough, mean(rays.range_m), np.nan),
+        np.where(enough, range_m, np.nan),
         cosine,
         reflectance,
         np.where(enough, rays.facet.reshape(-1, count)[:, count // 2], -1),
         np.where(np.all(target >= 0, axis=1), target[:, 0], -1),
     )
+
+
+def _by_phase(range_m: Array, weight: Array, mean_m: Array, ambiguity_m: float) -> Array:
+    """Return the ranges (N,) of the sum of the modulations that sub-rays (N, K) return.
+
+    The phase of the shortest one tells the range up to multiples of ambiguity_m; longer ones, whose
+    phases add nearly as the ranges' mean (N,), tell which.
+    """
+    cycle = 2.0 * np.pi / ambiguity_m
+    aside = np.where(weight > 0.0, range_m, mean_m[:, None]) - mean_m[:, None]
+    phase = np.angle(np.sum(weight * np.exp(1j * cycle * aside), axis=1))
+    return np.asarray(mean_m + phase / cycle)

@@ -195,6 +195,7 @@ CASES: dict[str, Case] = {
     "pulse": Case(base="pulse"),
     "structured-light": Case(base="structured-light"),
     "line-profile": Case(base="line-profile"),
+    "phases-0.6": Case(PLAIN | QUIET | {"beam.ambiguity_m": 0.6, "instrument.ambiguity_m": 0.6}),
 }
 
 

@@ -13,7 +13,7 @@ from scipy import stats
 from tests.support.plates import found
 from tests.support.scenes import Setup, make
 from wheelplane.centre.edge.beams import CHAMFER, STATE
-from wheelplane.centre.edge.solution import _sharp
+from wheelplane.centre.edge.solution import _without
 from wheelplane.centre.edge_centre import CHAMFER_SHARE
 from wheelplane.targets import parse_target
 from wheelplane.targets.registry import load_target
@@ -83,7 +83,7 @@ def test_no_chamfer_is_below_nothing(below):
     state = rng.normal(size=STATE)
     state[CHAMFER] = -below * u
     by_plane = rng.normal(size=(STATE, 3))
-    found_state, left, moved = _sharp(state, covariance, by_plane)
+    found_state, left, moved = _without(CHAMFER, state, covariance, by_plane)
     assert found_state[CHAMFER] == pytest.approx(0.0, abs=1e-18)
     assert 0.0 < left[CHAMFER, CHAMFER] < 1.000001 * u**2
     if below < 10.0:

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from wheelplane.centre.edge.beams import (
+    ALIKE_CHAMFER_M,
+    ALIKE_MODULATION,
     BEAM,
     CENTRE,
     CHAMFER,
     CLEAN_SPOT,
     GROWTH,
     HELD_BEAM,
+    HELD_MODULATION,
     HELD_SIZE_M,
     HELD_THICKNESS,
     HELD_WALL,
@@ -27,6 +30,7 @@ from wheelplane.centre.edge.beams import (
     MAX_SPREAD,
     MAX_SPREAD_SPARSE,
     MIN_DEPTH_M,
+    MODULATION,
     MOST_OTHER,
     NEXT_M,
     OFF_ROUGH,
@@ -240,7 +244,12 @@ def test_what_a_prior_holds_and_nothing_else():
     unknown = Prior.of(None, CONFIG)
     assert prior.doubted().weight[THICKNESS] == unknown.weight[THICKNESS]
     state[GROWTH] = 1e-4
-    beside = Prior.beside(state)
+    beside = Prior.beside(state, 2e-4, 30.0)
+    assert beside.weight[CHAMFER] == pytest.approx(1.0 / (ALIKE_CHAMFER_M**2 + 2e-4**2))
+    assert beside.weight[MODULATION] == pytest.approx(1.0 / (ALIKE_MODULATION**2 + 30.0**2))
+    held = Prior.beside(state, HELD_SIZE_M, HELD_MODULATION)
+    assert held.is_sharp
+    assert held.is_of_means
     np.testing.assert_array_equal(beside.mean[others(GROWTH)], state[others(GROWTH)])
     for one in (prior, beside):
         assert one.weight[ROTATION] == pytest.approx(ROTATION_RAD**-2)
@@ -431,7 +440,7 @@ def test_of_few_points_those_between_both_sides_are_mixed(
 
 def test_each_place_in_a_state_is_of_one_quantity():
     places = [*range(STATE)[CENTRE], *range(STATE)[BEAM], INVERSE]
-    places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE, GROWTH, CHAMFER]
+    places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE, GROWTH, CHAMFER, MODULATION]
     assert places == list(range(STATE))
 
 

@@ -51,7 +51,7 @@ from wheelplane.centre.edge.mixed_fit import (
     STEEP,
     SURELY,
 )
-from wheelplane.centre.edge.solution import AS_MUCH, STEP_M, Solution
+from wheelplane.centre.edge.solution import AS_MUCH, BY_CHANCE, STEP_M, Solution
 from wheelplane.config import CentreConfig
 
 CONFIG, BEHIND_M = CentreConfig(), 0.1
@@ -364,7 +364,7 @@ def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_
         return problem, ended()
 
     monkeypatch.setattr(mixed_fit, "_best", best)
-    monkeypatch.setattr(mixed_fit, "_with_chamfer", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
     monkeypatch.setattr(mixed_fit, "_is_strange", lambda *args: strange)
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 0.0)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
@@ -448,6 +448,7 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
     monkeypatch.setattr(mixed_fit, "_by_backgrounds", by_backgrounds)
     monkeypatch.setattr(mixed_fit, "BY_ZONES", 11.0)
     monkeypatch.setattr(mixed_fit, "_converge", converge)
+    monkeypatch.setattr(mixed_fit, "_where_stated", lambda problem, _, found, __: (problem, found))
     _, found = mixed_fit._best(problem_of(False), state_of(), 40)
     np.testing.assert_array_equal(found.state, states[taken])
     strange = abs(first) > 1.0
@@ -455,6 +456,39 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
     again_m = abs(again) * NOTICED_GROWTH_M  # before the background of the size it found
     expected += [SIZE_M**-2] * (again_m > OTHER_SIZE_M)
     np.testing.assert_allclose(weights, expected if strange else expected[:1])
+
+
+@pytest.mark.parametrize(
+    ("asking", "again_m", "taken"),
+    [
+        (6, 0.4 * OTHER_SIZE_M, "again"),
+        (6, 1.1 * OTHER_SIZE_M, "found"),  # another size without them, too
+        (int(MOST_UNEVEN * UNEVEN_SECTORS) + 1, 0.0, "found"),  # all round
+    ],
+)
+def test_a_few_sectors_that_ask_for_another_size_are_left_out(monkeypatch, asking, again_m, taken):
+    """As where a step of the background lies along the edge; of a disc of another size, all ask."""
+    share = (np.arange(UNEVEN_SECTORS) + 0.5) / UNEVEN_SECTORS
+
+    def of_size(growth_m, square):
+        state = state_of()
+        state[GROWTH] = growth_m
+        linear = SimpleNamespace(weight=np.ones(len(share)), residual_m=square**0.5, share=share)
+        return Solution(state, Zones.alike(), None, linear, 5, 0.0)
+
+    left = np.where(np.arange(UNEVEN_SECTORS) < asking, 1.1 * BY_CHANCE, 0.9 * BY_CHANCE)
+    stated, found = of_size(0.0, left), of_size(1.2 * OTHER_SIZE_M, 0.0 * left)
+    again = of_size(again_m, left)
+
+    def refitted(problem, begin, most):
+        assert begin is stated
+        np.testing.assert_array_equal(problem.left_out, left > BY_CHANCE)
+        return again
+
+    monkeypatch.setattr(mixed_fit, "_again", refitted)
+    problem, ended = mixed_fit._where_stated(problem_of(), stated, found, 40)
+    assert ended is {"again": again, "found": found}[taken]
+    assert (problem.left_out is not None) == (taken == "again")
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from wheelplane.centre.edge.beams import (
     CENTRE,
     CHAMFER,
     INVERSE,
+    MODULATION,
     RATIO,
     ROTATION,
     SHAPE,
@@ -106,7 +107,7 @@ def test_slopes_by_the_state_are_those_of_any_profile(outline):
     state = state_of(centre=(0.0, 0.0) if outline is DISC else (0.002, -0.003))
     state[THICKNESS] = -18.0 if outline is DISC else state[THICKNESS]
     problem, rng = scene(outline, state, 400), np.random.default_rng(1)
-    by = rng.normal(size=(10, 400))
+    by = rng.normal(size=(11, 400))
 
     def value(at):
         beams = carry(problem.plane, problem.depth, at, outline)
@@ -116,6 +117,7 @@ def test_slopes_by_the_state_are_those_of_any_profile(outline):
             by[0] * beams.x_m + by[1] * tau + by[2] * at[SPOT] + by[3] * np.exp(at[THICKNESS])
             + by[4] * at[RATIO] + by[5] * wall + by[6] * at[SHAPE] + by[7] * at[CHAMFER]
             + by[8] * beams.tau + by[9] * bevel_reflectance(beams.tau, at)
+            + by[10] * at[MODULATION] * (1.0 + state[BEAM] @ state[BEAM])
         )  # fmt: skip
 
     none = np.zeros(400)

@@ -86,7 +86,7 @@ def test_where_a_fit_to_few_points_begins_hardly_counts():
     for seed in range(6):
         problem, truth = few_points(seed, SPOKES)
         rng = np.random.default_rng(3)
-        drawn = np.hstack([rng.standard_normal((4, CHAMFER)), np.zeros((4, 1))])  # no chamfer
+        drawn = np.hstack([rng.standard_normal((4, CHAMFER)), np.zeros((4, STATE - CHAMFER))])
         begins = list(truth + 3.0 * APART * drawn)
         solve = partial(solved, problem)
         for name, fit in (("one", solve), ("several", partial(likeliest, problem, solve=solve))):

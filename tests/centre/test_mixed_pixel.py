@@ -254,7 +254,7 @@ def test_all_slopes_of_a_dim_wall_are_those_of_central_differences(shape, slant)
         limit = 5e-3 * np.abs(seen).max()
         np.testing.assert_allclose(getattr(shown, f"d_{name}"), seen, atol=limit, err_msg=name)
         assert limit > 1e-8
-    light = (depth(*here.values()).depth_m, shown.background_light)
+    light = (depth(*here.values()).depth_m, shown.by_background)
     deeper = edge_profile(
         x, 0.27 * whole, 0.08001 * whole, 0.0015 * whole, 0.01, 0.4, 0.3, shape, slant
     )  # fmt: skip

@@ -16,6 +16,7 @@ from wheelplane.plane.patch import Patch
 from wheelplane.targets.registry import Target
 
 Array = np.ndarray
+CENTRE = CentreConfig()
 OFF_M, OFF_RAD, TILTED_RAD = 0.003, 0.05, 0.005  # what a coarse look leaves, at most
 
 
@@ -61,14 +62,14 @@ def patch_of(cloud: Cloud, target: Target, seed: int = 0) -> Patch:
     return cut_patch(cloud.points_m, intensity, candidate, target, 400_000)
 
 
-def fit(cloud: Cloud, target: Target, seed: int = 0) -> TargetFit:
+def fit(cloud: Cloud, target: Target, seed: int = 0, config: CentreConfig = CENTRE) -> TargetFit:
     patch = patch_of(cloud, target, seed)
     plane = fit_plane(patch, target, PlaneConfig())
-    return locate_centre(patch, plane, target, CentreConfig())
+    return locate_centre(patch, plane, target, config)
 
 
-def found(cloud: Cloud, target: Target, seed: int = 0) -> Found:
-    return in_target(cloud, fit(cloud, target, seed))
+def found(cloud: Cloud, target: Target, seed: int = 0, config: CentreConfig = CENTRE) -> Found:
+    return in_target(cloud, fit(cloud, target, seed, config))
 
 
 def in_target(cloud: Cloud, fitted: TargetFit | OtherCentre) -> Found:

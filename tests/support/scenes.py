@@ -173,7 +173,8 @@ class Setup:
     correlated_m, length_m: noise along the range besides, of correlation exp(-d^2 / (2 length^2))
     across the beams at the plate's distance. flatness_m: of the face. hidden: share of the face
     behind a strip, `strip_m` before it. half_m: half widths of a rectangular plate, instead of
-    radius_m. chamfer_m: of a disc's rim; rounded: of that radius. holes: rows (u, v, radius).
+    radius_m. chamfer_m: of a disc's rim; rounded: of that radius. ambiguity_m: of a phase-shift
+    scanner, whose phases add as vectors; 0: the ranges' mean. holes: rows (u, v, radius).
     printed: brightness of the face at places (u, v), which gives the cloud intensities, of relative
     noise intensity_noise, and weighs the ranges.
     """
@@ -207,6 +208,7 @@ class Setup:
     half_m: tuple[float, float] | None = None
     chamfer_m: float = 0.0
     rounded: bool = False
+    ambiguity_m: float = 0.0
     holes: tuple[tuple[float, float, float], ...] = ()
     printed: Callable[[Array, Array], Array] | None = None
     intensity_noise: float = 0.03
@@ -469,5 +471,9 @@ def _mean_range(
     echo *= brightness.reshape(-1, count)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.sum(np.where(hit, range_m, 0.0) * echo, axis=1) / echo.sum(axis=1)
+        if setup.ambiguity_m:
+            aside = np.where(hit, range_m - mean[:, None], 0.0) * (2j * np.pi / setup.ambiguity_m)
+            vector = np.sum(echo * np.exp(aside), axis=1)
+            mean = mean + np.angle(vector) * setup.ambiguity_m / (2.0 * np.pi)
     mean[hit.sum(axis=1) * 2 < count] = np.inf
     return mean, np.all(met == met[:, :1], axis=1), echo.mean(axis=1)

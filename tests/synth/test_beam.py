@@ -258,6 +258,25 @@ def one_return(mode, aside_m, scene, **more):
     return average(scene, caster_of(scene), aims, beam, np.arange(BEAMS))
 
 
+@pytest.mark.parametrize("ambiguity_m", [0.2, 0.6])
+def test_phases_add_as_complex_numbers(ambiguity_m):
+    """Of two planes 50 mm apart, by the share of the farther one, which the mean range shows."""
+    scene = half_planes((0.8, 0.4))
+    at = {"range_gate_m": 0.0}
+    mean_m = one_return("average", 0.1 * W_M, scene, **at).range_m
+    phase_m = one_return("average", 0.1 * W_M, scene, ambiguity_m=ambiguity_m, **at).range_m
+    near_m, far_m = (
+        one_return(mode, 0.1 * W_M, scene).range_m.mean() for mode in ("first", "last")
+    )
+    share = (mean_m - near_m) / (far_m - near_m)
+    assert 0.05 < share.min() < share.max() < 0.95
+    turn = 2j * np.pi / ambiguity_m
+    vector = 1.0 - share + share * np.exp(turn * (far_m - near_m))
+    expected_m = near_m + np.angle(vector) / turn.imag
+    np.testing.assert_allclose(phase_m, expected_m, atol=2e-5)
+    assert np.abs(phase_m - mean_m).max() > 1e-4
+
+
 @pytest.mark.parametrize(
     ("aside", "far_albedo"), [(-0.2, 0.8), (0.2, 0.8), (-0.2, 0.2), (0.2, 0.2)]
 )

@@ -6,7 +6,8 @@ import pytest
 from tests.support.round_wheels import axis_of, door_points, wheel_points
 from wheelplane.config import Config
 from wheelplane.targets import parse_target
-from wheelplane.wheel.find_wheel import find_patch, find_wheel
+from wheelplane.wheel import find_patch
+from wheelplane.wheel.find_wheel import find_wheel
 
 
 @pytest.mark.parametrize("seed", range(4))

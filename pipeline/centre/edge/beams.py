@@ -165,13 +165,14 @@ def mixed_share_of_few(
     return float(np.count_nonzero(mixed) / max(int(np.count_nonzero(near)), 1))
 
 
-# A state is (13,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
+# A state is (14,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
 # ratio, in-plane rotation, Lambert's share in the wall's reflectance, spot shape, growth: how much
-# farther out the target's edge lies than its stated size, all round, and width of its chamfer.
-STATE = 13
+# farther out the target's edge lies than its stated size, all round, width of its chamfer, and
+# modulation of a phase-shift scanner, see `sum_of_phases`.
+STATE = 14
 CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
 SPOT, THICKNESS, RATIO, ROTATION = 5, 6, 7, 8
-WALL, SHAPE, GROWTH, CHAMFER = 9, 10, 11, 12
+WALL, SHAPE, GROWTH, CHAMFER, MODULATION = 9, 10, 11, 12, 13
 LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
 RATIO_LOG = 1.5  # of the log of a reflectance ratio (k = 1)
 EXPONENT_LOG = 0.5  # of the exponent by which intensities follow power (k = 1)
@@ -184,6 +185,10 @@ HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
 SIZE_M = 1e-4  # of a target's radius, or half its width, against the stated one (k = 1)
 CHAMFER_M, STATED_CHAMFER_M = 3e-4, 5e-5  # of an edge's chamfer, not stated; stated (k = 1)
 ALIKE_CHAMFER_M = 1e-4  # of the chamfers of two edges of one plate (k = 1)
+MODULATION_SIGMA, HELD_MODULATION = 100.0, 1e-3  # 1/m^2, of a scanner; of one without (k = 1)
+ALIKE_MODULATION = 20.0  # of two edges of one scan (k = 1)
+STATED_MODULATION = 0.1  # relative, of a stated one (k = 1): its wavelength to 5 %
+MORE = 1.001  # than a held standard uncertainty
 WRONG_SIZE_M = 1e-3  # of a radius that is wrong (k = 1)
 STATION_M = 0.005  # of a scanner's stated position against the origin of its beams (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
@@ -192,7 +197,7 @@ MIN_DEPTH_M = 0.006  # least depth of a background
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of the state: mean and weight, one over the variance; (13,) each."""
+    """Prior of the state: mean and weight, one over the variance; (14,) each."""
 
     mean: Array
     weight: Array
@@ -201,18 +206,21 @@ class Prior:
     def of(cls, thickness_m: float | None, config: CentreConfig) -> Prior:
         """Return the prior for a target of that thickness, if known, and the set footprint.
 
-        Of sharp edges, see `bevelled` and `of_chamfer`.
+        Of sharp edges and mean ranges, see `bevelled`, `of_chamfer` and `by_phase`.
         """
-        known = thickness_m is not None
+        known, modulation, by_phase = thickness_m is not None, 0.0, HELD_MODULATION
+        if config.ambiguity_m:
+            modulation = (2.0 * np.pi / config.ambiguity_m) ** 2
+            by_phase = STATED_MODULATION * modulation
         thickness = thickness_m if thickness_m is not None else 0.008
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
-        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0])
+        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, modulation])
         known_log = STATED_THICKNESS if known else WRONG_THICKNESS
         sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, RATIO_LOG, ROTATION_RAD]
-        return cls(mean, 1.0 / np.array([*sigma, 0.5, 0.5, SIZE_M, HELD_SIZE_M]) ** 2)
+        return cls(mean, 1.0 / np.array([*sigma, 0.5, 0.5, SIZE_M, HELD_SIZE_M, by_phase]) ** 2)
 
     def seen_from(self, station: Array, state: Array) -> Prior:
-        """Return the prior for beams that come from a station (3,), about a state (13,)."""
+        """Return the prior for beams that come from a station (3,), about a state (14,)."""
         mean, weight = pointed(self.mean, station, state[CENTRE]), self.weight.copy()
         slant = 1.0 + float(mean[BEAM] @ mean[BEAM])
         weight[BEAM] = (station[2] / STATION_M) ** 2 / slant
@@ -220,13 +228,13 @@ class Prior:
         return Prior(mean, weight)
 
     def from_afar(self, state: Array) -> Prior:
-        """Return the prior for beams from about the distance of a state (13,)."""
+        """Return the prior for beams from about the distance of a state (14,)."""
         mean = self.mean.copy()
         mean[INVERSE] = state[INVERSE]
         return Prior(mean, self.weight)
 
     def held(self, state: Array) -> Prior:
-        """Return the prior with thickness and beams held near the start (13,)."""
+        """Return the prior with thickness and beams held near the start (14,)."""
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[BEAM] = state[BEAM]
         weight[BEAM] = np.maximum(weight[BEAM], HELD_BEAM**-2)
@@ -248,6 +256,15 @@ class Prior:
     def bevelled(self) -> Prior:
         """Return the prior of an edge that may have a chamfer, instead of a sharp one."""
         return self._known_to(CHAMFER_M, CHAMFER)
+
+    @property
+    def is_of_means(self) -> bool:
+        """Whether it is that of a scanner that tells the mean of all that returns."""
+        return bool(self.weight[MODULATION] >= HELD_MODULATION**-2)
+
+    def by_phase(self) -> Prior:
+        """Return the prior of a scanner that may add phases, instead of one that tells means."""
+        return self._known_to(MODULATION_SIGMA, MODULATION)
 
     def of_chamfer(self, chamfer_m: float | None) -> Prior:
         """Return the prior with a chamfer of that width; None: the same."""
@@ -289,7 +306,7 @@ class Prior:
         return Prior(mean, weight).sized()
 
     def off(self, state: Array, which: slice = slice(None)) -> float:
-        """Return the square of how far a state (13,) lies from the mean, in standard deviations."""
+        """Return the square of how far a state (14,) lies from the mean, in standard deviations."""
         return float(np.sum(self.weight[which] * (state - self.mean)[which] ** 2))
 
     def unsized(self) -> Prior:
@@ -314,19 +331,25 @@ class Prior:
         return Prior(self.mean, weight)
 
     @classmethod
-    def beside(cls, state: Array) -> Prior:
-        """Return the prior for another edge of a target whose first edge has that state (13,).
+    def beside(cls, state: Array, chamfer_u_m: float, modulation_u: float) -> Prior:
+        """Return the prior for another edge of a target whose first edge has that state (14,).
 
-        Both are of one plate, whose thickness a hole shows worse than the rim.
+        Both are of one plate, whose thickness a hole shows worse than the rim. chamfer_u_m,
+        modulation_u: standard uncertainties by the first edge.
         """
         sigma = [0.01, 0.01, 0.02, 0.02, 0.03, 0.2, 0.05, 0.7, ROTATION_RAD, 0.2, 0.2]
         mean = state.copy()
         mean[GROWTH] = 0.0
-        return cls(mean, 1.0 / np.array([*sigma, SIZE_M, ALIKE_CHAMFER_M]) ** 2)
+        alike_m, alike = HELD_SIZE_M, HELD_MODULATION  # of a first edge that is fitted without
+        if chamfer_u_m > MORE * HELD_SIZE_M:
+            alike_m = float(np.hypot(ALIKE_CHAMFER_M, chamfer_u_m))
+        if modulation_u > MORE * HELD_MODULATION:
+            alike = float(np.hypot(ALIKE_MODULATION, modulation_u))
+        return cls(mean, 1.0 / np.array([*sigma, SIZE_M, alike_m, alike]) ** 2)
 
 
 def pointed(state: Array, station: Array, centre: Array) -> Array:
-    """Return a state (13,) whose beams come from a station (3,) to a centre (2,)."""
+    """Return a state (14,) whose beams come from a station (3,) to a centre (2,)."""
     state = state.copy()
     state[BEAM] = (centre - station[:2]) / station[2]
     state[INVERSE] = 1.0 / station[2]

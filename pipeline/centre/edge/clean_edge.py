@@ -124,7 +124,7 @@ def gapped_equations(
 
 @dataclass(frozen=True)
 class _Parted:
-    """Where returns part by the slope of the wall against the beams: state (13,), slopes tau (K,).
+    """Where returns part by the slope of the wall against the beams: state (14,), slopes tau (K,).
 
     tau: evenly spaced. tables: x* and its derivatives (8, K), of points on the target and of those
     beside it; one of both. filtered: whether beams are missing on both sides of x*.
@@ -201,7 +201,7 @@ def fanned(beams: Beams, state: Array) -> Beams:
 
 
 def first_state(state: Array) -> Array:
-    """Return a state (13,) whose wall parts from the background as the face does."""
+    """Return a state (14,) whose wall parts from the background as the face does."""
     state = state.copy()
     state[WALL] = FACE
     return state
@@ -484,7 +484,7 @@ def _nearest(
         d_wall=by_wall,
         d_shape=by_shape,
         background_share=nothing,
-        background_light=nothing,
+        by_background=nothing,
     )
     residual, variance = off_m, u_m**2
     weight, change = robust_weight(residual**2 / variance / (ROUGH if rough else 1.0) ** 2, robust)

@@ -114,7 +114,7 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
 def _filtered(
     problem: EdgeProblem, state: Array, parted: Equations, config: CentreConfig
 ) -> EdgeFit | None:
-    """Fit an edge whose beams were filtered out, from a state (13,); None where there is no gap.
+    """Fit an edge whose beams were filtered out, from a state (14,); None where there is no gap.
 
     parted: of the likeliest edge where returns part, whose background may explain more. The centre
     is the mean over what may be left of the wall, by how likely that is. A wall that returns as the
@@ -166,7 +166,7 @@ def _left_m(linear: Equations) -> float:
 
 
 def _gapped(problem: EdgeProblem, state: Array, most: int, wall: Wall) -> Solution:
-    """Return the solution whose edge is in the middle of a gap, from a state (13,)."""
+    """Return the solution whose edge is in the middle of a gap, from a state (14,)."""
 
     def linearise(at: Array, iteration: int) -> Equations:
         return gapped_equations(problem, at, iteration > ROBUST, iteration <= ROUGHLY, wall)
@@ -183,7 +183,7 @@ def _covered(linear: Equations) -> float:
 
 
 def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | None:
-    """Fit a clean edge to the intensities beside it, from a state (13,) of where its returns part.
+    """Fit a clean edge to the intensities beside it, from a state (14,) of where its returns part.
 
     None where they do not fade over the edge as a footprint's power does, all round.
     """
@@ -252,7 +252,7 @@ def _by_size(
 
 
 def _grown(problem: EdgeProblem, state: Array, most: int) -> Solution:
-    """Return the solution with a size that is hardly known, from a state (13,) of the stated one.
+    """Return the solution with a size that is hardly known, from a state (14,) of the stated one.
 
     A clean edge lies elsewhere all round by what the scanner reports, or by the target's size: this
     fit begins with the latter.
@@ -336,7 +336,7 @@ def _iterated(
 ) -> Solution:
     """Iterate Gauss-Newton steps of a clean edge; damped: shorter ones in the end.
 
-    linearise: equations at a state (13,), in an iteration from `first`, up to `most`.
+    linearise: equations at a state (14,), in an iteration from `first`, up to `most`.
     """
     for iteration in range(min(first, most), most + 1):
         linear = linearise(state, iteration)

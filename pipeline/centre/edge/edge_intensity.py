@@ -237,5 +237,5 @@ def intensity_profile(beams: Beams, state: Array) -> EdgeProfile:
         d_wall=rate * (at_a.share - at_b.share),
         d_shape=rate * ((o - 1.0) * at_a.share_by_shape - o * at_b.share_by_shape),
         background_share=nothing,
-        background_light=nothing,
+        by_background=nothing,
     )

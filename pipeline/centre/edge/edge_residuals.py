@@ -15,6 +15,7 @@ from .beams import (
     BEAM,
     CHAMFER,
     GROWTH,
+    MODULATION,
     RATIO,
     SHAPE,
     SIZE_M,
@@ -38,7 +39,7 @@ POINTING_M = 1.5e-4  # standard uncertainty of x by beam pointing and scan grid
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
 ZONES = 48  # of the outline, each with a reflectance of its background; within one sector each
-LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 5e-4, 5e-4])
+LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 5e-4, 5e-4, 50.0])
 ZONE_LOG, ALIKE_LOG = 1.0, 1e-4  # scatter of their logs: where they may differ, and where not
 CHANCE = 1.5  # standard deviations of what zones explain by chance
 LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
@@ -141,7 +142,7 @@ class Equations:
     """Points near the edge, linearised: residual = slopes @ step.
 
     q_m: (N, 2) where their beams met the plane, relative to the centre; share: (N,) of the outline.
-    residual_m: (N,). slopes: (N, 13). weight: (N,) robust, over the variance. change: (N,)
+    residual_m: (N,). slopes: (N, 14). weight: (N,) robust, over the variance. change: (N,)
     derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
     by the plane's height. depths: number of first rows that are
     depths; the others are places of the edge, the last `behind` of them on the background.
@@ -232,16 +233,16 @@ class Equations:
     def by_zone(self, weight: Array) -> tuple[Array, Array]:
         """Return the products of slopes by zones' ratios and by the state, weighted (N,).
 
-        (ZONES,) with each zone itself and its prior, (13, ZONES) with the state.
+        (ZONES,) with each zone itself and its prior, (14, ZONES) with the state.
         """
         d = self.slopes[:, RATIO]
         cross = np.stack([self.zone_sum(weight * d * column) for column in self.slopes.T])
         return cross[RATIO] + self.zones.weight, cross
 
     def eliminated(self, own: Array, cross: Array, prior: Prior) -> tuple[Array, Array]:
-        """Return slopes (N, 13) without what the zones' ratios take, and what is known before.
+        """Return slopes (N, 14) without what the zones' ratios take, and what is known before.
 
-        own, cross: as of `by_zone`. (13, 13) of the prior, and of that of the zones.
+        own, cross: as of `by_zone`. (14, 14) of the prior, and of that of the zones.
         """
         slopes = self.slopes - (cross / own).T[self.zone] * self.slopes[:, RATIO, None]
         return slopes, np.diag(prior.weight) + cross / own**2 * self.zones.weight @ cross.T
@@ -274,7 +275,8 @@ def equations(
     band = (beams.x_m < outer) & (z > -5.0 * sigma_m - 1e-4) & background.usable[part]
     kept = np.flatnonzero(band & beams.clear)
     beams, z, part = beams.taken(kept), z[kept], part[kept]
-    profile, variance = predicted(beams, part, background, state, zones, sigma_m)
+    modulation = None if problem.prior.is_of_means else float(state[MODULATION])
+    profile, variance = predicted(beams, part, background, state, zones, sigma_m, modulation)
     if problem.prior.is_sharp:
         profile = replace(profile, d_chamfer=0.0)
     residual = z - profile.depth_m
@@ -286,7 +288,7 @@ def equations(
         slopes=profile_slopes(profile, beams, profile.depth_m if consistent else z, state),
         weight=weight / variance,
         change=change / variance,
-        by_height=1.0 - profile.background_light - profile.d_x * beams.tau * beams.shrink,
+        by_height=1.0 - profile.by_background - profile.d_x * beams.tau * beams.shrink,
         zones=zones,
         depths=len(residual),
     )
@@ -299,6 +301,7 @@ def predicted(
     state: Array,
     zones: Zones,
     sigma_m: float,
+    modulation: float | None = None,
 ) -> tuple[EdgeProfile, Array]:
     """Return the profile that beams before sectors (N,) of a background show, and the variance.
 
@@ -318,8 +321,9 @@ def predicted(
         beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
         float(state[CHAMFER]),
         bevel_reflectance(beams.tau, state),
+        None if modulation is None else modulation * (1.0 + float(state[BEAM] @ state[BEAM])),
     )
-    profile = replace(profile, d_x=profile.d_x + profile.background_light * behind_slope)
+    profile = replace(profile, d_x=profile.d_x + profile.by_background * behind_slope)
     rough = profile.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
     return profile, (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
 
@@ -327,7 +331,7 @@ def predicted(
 def step(
     linear: Equations, state: Array, prior: Prior, newton: bool = False
 ) -> tuple[Array, Zones]:
-    """Return one robust Gauss-Newton step (13,) of limited length, and the zones after it.
+    """Return one robust Gauss-Newton step (14,) of limited length, and the zones after it.
 
     The zones' ratios are eliminated (Schur complement). newton: near a solution, with the
     derivative of the estimating equations instead of the information.
@@ -376,7 +380,7 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
 def spread(
     linear: Equations, outline: Outline, prior: Prior, few: bool = False
 ) -> tuple[Array, Array, float]:
-    """Return covariance (13, 13) of the state, derivatives (13, 3) by the plane, and dof.
+    """Return covariance (14, 14) of the state, derivatives (14, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
     of the outline: the variances in the weights need not be right, nor the points of a sector
@@ -451,7 +455,7 @@ def _variance(linear: Equations, dof: float) -> float:
 def _squares(
     linear: Equations, slopes: Array, part: npt.NDArray[np.int64], information: Array
 ) -> Array:
-    """Return the sum of the squared estimating equations by sectors (13, 13).
+    """Return the sum of the squared estimating equations by sectors (14, 14).
 
     Residuals are smaller than errors, since each sector pulls the solution to itself: with the
     share H of a sector in the information, its equations are taken over sqrt(1 - H).
@@ -472,7 +476,7 @@ def _squares(
 
 
 def _inverse(change: Array, information: Array) -> Array:
-    """Return the inverse of the derivative of the estimating equations, (13, 13) each.
+    """Return the inverse of the derivative of the estimating equations, (14, 14) each.
 
     By chance residuals where Tukey's influence falls may take almost all of the information in one
     direction, of which LEAST_CHANGE is kept.
@@ -493,7 +497,7 @@ def robust_weight(square: Array, converged: bool) -> tuple[Array, Array]:
 
 
 def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
-    """Return derivatives of the depth by the state, (N, 13), by the chain rule over x and tau.
+    """Return derivatives of the depth by the state, (N, 14), by the chain rule over x and tau.
 
     With J a rotation by 90 degrees: d rho = curve (1 - rho rho') dq, and by the in-plane rotation,
     J rho - that of J q.
@@ -523,6 +527,7 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
             profile.d_shape,
             -d_x,
             profile.d_chamfer + 0.0 * d_x,
+            profile.d_modulation * (1.0 + beam @ beam) + 0.0 * d_x,
         ]
     ).T
 

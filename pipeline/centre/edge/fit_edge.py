@@ -56,7 +56,7 @@ NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 
 @dataclass(frozen=True)
 class Aim:
-    """Start of a fit: state (13,); station (3,) that its beams come from, if one is known."""
+    """Start of a fit: state (14,); station (3,) that its beams come from, if one is known."""
 
     state: Array
     station: Array | None = None
@@ -106,7 +106,7 @@ def fit_edge(
 
 
 def _mixed_share_of_few(problem: EdgeProblem, state: Array) -> float:
-    """Return the share of the points next to the edge that a state (13,) leaves to mixed pixels."""
+    """Return the share of the points next to the edge that a state (14,) leaves to mixed pixels."""
     beams = problem.beams(state)
     background = problem.background(state)
     deepest_m = target_depth_m(state, problem.sigma_m)
@@ -142,9 +142,9 @@ def _problem(
     begin: Aim | EdgeFit,
     chamfer_m: float | None,
 ) -> tuple[EdgeProblem, Array]:
-    """Return the points near the edge with their prior, and the state (13,) to start from."""
+    """Return the points near the edge with their prior, and the state (14,) to start from."""
     if isinstance(begin, EdgeFit):
-        prior, station = Prior.beside(begin.state), None
+        prior, station = Prior.beside(begin.state, begin.chamfer_u_m, begin.modulation_u), None
         state = prior.mean
     else:
         prior, station, state = Prior.of(thickness_m, config), begin.station, begin.state
@@ -222,7 +222,7 @@ def look_behind(
 ) -> Behind:
     """Return what lies behind an outline at a start, by the points uvw_m (N, 3) about it.
 
-    state: (13,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
+    state: (14,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
     """
     plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
     begin = Prior.of(None, config).mean

@@ -17,6 +17,7 @@ from .beams import (
     CHAMFER_M,
     GROWTH,
     INVERSE,
+    MODULATION,
     RATIO,
     ROTATION,
     SHAPE,
@@ -32,6 +33,7 @@ from .edge_residuals import UNEVEN_SECTORS, ZONES, EdgeProblem, Zones, equations
 from .few_points import likeliest
 from .solution import (
     AS_MUCH,
+    BY_CHANCE,
     CONVERGED_M,
     STEP_M,
     EdgeFit,
@@ -41,6 +43,7 @@ from .solution import (
     record,
     settled,
     unexplained,
+    unexplained_by_sector,
 )
 
 # Scatter of the zones' reflectances, in logs, from which each has its own; in a first fit, and the
@@ -48,9 +51,10 @@ from .solution import (
 DIFFERENT, SURELY, CLEARLY = 0.1, 0.2, 4000
 CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move that starts anew
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
-LEAST = 24  # points about an edge
+LEAST, LEAST_COVERED = 24, 0.25  # points about an edge; share of it with a background
 MOST_OF_FEW = 20  # iterations of each fit to few points
 NEAR_STEP_M = 1e-6  # of the centre, that ends a fit from a solution without a chamfer
+NEAR_MODULATION = 1.0  # of the modulation, 1/m^2, that ends a fit
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
 ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
@@ -63,7 +67,8 @@ OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than st
 TENSE, MOST_TENSE = 2.0, 6.0
 LIKELY = 3.0  # standard deviations of a size that may be so
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
-LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 1e-3  # that an edge may seem to have, and may have
+LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 3e-3  # that an edge may seem to have, and may have
+BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
 # square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
@@ -85,10 +90,11 @@ def fit_mixed(
     steep = float(np.hypot(*state[BEAM])) > STEEP
     if steep:  # footprint and beams would diverge with the wall
         problem = replace(problem, prior=problem.prior.plain())
-    problem, found = _with_chamfer(*_best(problem, state, config.max_iterations), config)
+    plain = problem
+    problem, found = _freed(*_best(problem, state, config.max_iterations), config)
     if steep and thickness_m is not None and _is_strange(found, problem.prior):
-        held = replace(problem, prior=problem.prior.held(state))
-        _, found = _best(held, state, config.max_iterations)
+        held = replace(plain, prior=plain.prior.held(state))
+        problem, found = _freed(*_best(held, state, config.max_iterations), config)
     fitted = _recorded(found, problem)
     if fitted is None:
         return None
@@ -100,12 +106,13 @@ def fit_mixed(
     tension = _tension(fitted, problem.prior)
     if not problem.few and (tension < TENSE or _is_wider(stretched, problem.prior)):
         return stretched
-    doubted = replace(problem, prior=problem.prior.doubted())
+    doubted = replace(plain, prior=plain.prior.doubted())
     if problem.few:
         other = _again(doubted, found, config.max_iterations)
     else:
-        doubted, other = _with_chamfer(*_best(doubted, state, config.max_iterations), config)
+        doubted, other = _freed(*_best(doubted, state, config.max_iterations), config)
         if _reaches_background(other):
+            doubted = replace(problem, prior=problem.prior.doubted())
             other = _again(doubted, found, config.max_iterations)
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
@@ -140,10 +147,9 @@ def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float, worse: boo
 
 def _recorded(found: Solution, problem: EdgeProblem) -> EdgeFit | None:
     """Return the fit of a solution; None where a quarter of the edge has no background."""
-    covered = float(np.mean(found.background.usable))
-    if covered < 0.25 or len(found.equations.residual_m) < LEAST:
+    if found.covered < LEAST_COVERED or len(found.equations.residual_m) < LEAST:
         return None
-    fitted = record(found, problem, covered)
+    fitted = record(found, problem, found.covered)
     return settled(fitted, found) if problem.few else fitted
 
 
@@ -191,45 +197,106 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, S
     else:
         as_much = unexplained(again) < AS_MUCH * unexplained(found)
     likely = as_much and (less or explains_less(found, again))
-    return problem, again if likely and again.state[INVERSE] > 0.0 else found
+    if likely and again.state[INVERSE] > 0.0:
+        found = again
+    if abs(found.state[GROWTH]) < OTHER_SIZE_M:
+        return problem, found
+    return _where_stated(problem, stated, found, most)
 
 
-def _with_chamfer(
-    problem: EdgeProblem, sharp: Solution, config: CentreConfig
+def _where_stated(
+    problem: EdgeProblem, stated: Solution, found: Solution, most: int
 ) -> tuple[EdgeProblem, Solution]:
-    """Return the problem of an edge that may have a chamfer, with its solution from a sharp one's.
+    """Return the problem without sectors that ask for another size, and its solution.
 
-    The latter where a chamfer is stated; where the plate may be of another size, which a chamfer
-    would explain as well; or where the data ask for one that is none, below 0 or wide.
+    stated: that of the stated size; found: of another one. The latter, with the problem as it is,
+    where more sectors than contradict a background ask for it.
     """
-    steep = float(np.hypot(*sharp.state[BEAM])) > STEEP
-    as_it_is = not problem.prior.is_sharp or problem.few or sharp.last_m > CONVERGED_M
-    if as_it_is or steep or _may_be_of_another_size(problem, sharp):
-        return problem, sharp
-    may = replace(problem, prior=problem.prior.bevelled())
-    found = _converge(
-        may.about(sharp.state), sharp.state, sharp.zones, config.max_iterations, True,
-        sharp.background,
-    )  # fmt: skip
+    left, left_by_other = (unexplained_by_sector(one, UNEVEN_SECTORS) for one in (stated, found))
+    left_out = left - left_by_other > BY_CHANCE
+    if problem.left_out is not None:
+        left_out |= problem.left_out
+    if np.mean(left_out) > MOST_UNEVEN:
+        return problem, found
+    without = replace(problem, left_out=left_out)
+    again = _again(without, stated, most)
+    return (problem, found) if abs(again.state[GROWTH]) > OTHER_SIZE_M else (without, again)
+
+
+def _freed(
+    problem: EdgeProblem, plain: Solution, config: CentreConfig
+) -> tuple[EdgeProblem, Solution]:
+    """Return the problem of a scanner that may add phases, and an edge that may have a chamfer.
+
+    With its solution from one of means and a sharp edge. Without the chamfer where one is stated;
+    where the plate may be of another size, which a chamfer would explain as well; or where the data
+    ask for one that is none, below 0 or wide.
+    """
+    most = config.max_iterations
+    if problem.few or plain.last_m > CONVERGED_M:
+        return problem, plain
+    phased = problem
+    if problem.prior.is_of_means and config.ambiguity_m is None:
+        phased = replace(problem, prior=problem.prior.by_phase())
+    sharp = problem.prior.is_sharp and float(np.hypot(*plain.state[BEAM])) < STEEP
+    bevelled = None
+    if sharp and not _may_be_of_another_size(problem, plain):
+        may = replace(phased, prior=phased.prior.bevelled())
+        bevelled = _bevelled(may, plain, most)
+        if _has_chamfer(may, bevelled):
+            return may, bevelled
+    found = _near(phased, plain, most)
+    if found.last_m > CONVERGED_M:
+        phased, found = problem, plain
+    if bevelled is None or bevelled.last_m > CONVERGED_M or bevelled.state[CHAMFER] < 0.0:
+        return phased, found
+    return phased, replace(found, by_chamfer_m=(bevelled.state - found.state)[CENTRE])
+
+
+def _bevelled(problem: EdgeProblem, sharp: Solution, most: int) -> Solution:
+    """Return the solution with a chamfer; from a wide one where it would be none.
+
+    A narrower plate with a thicker wall explains an edge nearly as well as a chamfer.
+    """
+    found = _near(problem, sharp, most)
+    if found.state[CHAMFER] > LEAST_CHAMFER_M:
+        return found
+    wide = sharp.state.copy()
+    wide[CHAMFER] = CHAMFER_M
+    return _near(problem, replace(sharp, state=wide), most)
+
+
+def _near(problem: EdgeProblem, found: Solution, most: int) -> Solution:
+    """Return the solution with consistent slopes from another's background, which lies near it."""
+    about = problem.about(found.state)
+    again = _converge(about, found.state, found.zones, most, True, found.background)
+    return replace(again, iterations=max(again.iterations, found.iterations))
+
+
+def _has_chamfer(problem: EdgeProblem, found: Solution) -> bool:
+    """Return whether the chamfer of a solution may be one; nor where a wrong width would be one."""
     chamfer_m = float(found.state[CHAMFER])
     if found.last_m > CONVERGED_M or not LEAST_CHAMFER_M < chamfer_m < MOST_CHAMFER_M:
-        return problem, sharp
-    if problem.outline.shows_rotation:  # nor where a wrong width would pass for one
-        fitted = record(found, may, float(np.mean(found.background.usable)))
-        moved_m = as_stretched(fitted, found, may).chamfer_m - fitted.chamfer_m
-        if abs(moved_m) > CHAMFER_M:
-            return problem, sharp
-    return may, replace(found, iterations=max(sharp.iterations, found.iterations))
+        return False
+    if not problem.outline.shows_rotation:
+        return True
+    fitted, stretched = _of_any_width(found, problem)
+    return abs(stretched.chamfer_m - fitted.chamfer_m) < BY_WIDTH_M
 
 
 def _may_be_of_another_size(problem: EdgeProblem, found: Solution) -> bool:
     """Return whether a plate may be larger or smaller than stated, or along one side."""
     if not problem.outline.shows_rotation:
         return abs(float(found.state[GROWTH])) > OTHER_SIZE_M
-    fitted = record(found, problem, float(np.mean(found.background.usable)))
-    stretch_m = as_stretched(fitted, found, problem).stretch_m
-    off_m = max(abs(fitted.growth_m), abs(stretch_m))
+    fitted, stretched = _of_any_width(found, problem)
+    off_m = max(abs(fitted.growth_m), abs(stretched.stretch_m))
     return off_m > OTHER_SIZE_M or max(fitted.lost) > LOST
+
+
+def _of_any_width(found: Solution, problem: EdgeProblem) -> tuple[EdgeFit, EdgeFit]:
+    """Return the fit of a solution, and the one with the width against the height unknown."""
+    fitted = record(found, problem, found.covered)
+    return fitted, as_stretched(fitted, found, problem)
 
 
 def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, Solution]:
@@ -346,6 +413,7 @@ def _converge(
         state = state + length * moved
         state[INVERSE] = max(state[INVERSE], 0.0)  # the scanner is before the plane
         last_m = float(np.abs(moved[CENTRE]).max())
-        if last_m < ends_m and (consistent or iteration > max(LOOKS)):
+        near = last_m < ends_m and abs(moved[MODULATION]) < NEAR_MODULATION
+        if near and (consistent or iteration > max(LOOKS)):
             break
     return Solution(state, zones, background, linear, iteration, last_m)

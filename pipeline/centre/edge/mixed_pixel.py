@@ -21,6 +21,8 @@ from ...vectors import Array
 
 UNIFORM, GAUSSIAN = 0.0, 1.0
 HIDDEN = -0.999  # slope of beams along a chamfer
+LEAST_MODULATION = 1e-2  # 1/m^2, of 60 m; less is developed about 0
+LEAST_LIGHT = 1e-6  # of a footprint's, where returns cancel, or none is near
 END, _STEPS = 2.0, 8000  # of the tables, in radii on both sides
 
 
@@ -131,7 +133,8 @@ class EdgeProfile:
     The derivatives are by x, tau, log footprint radius, thickness, log reflectance ratio of the
     background, reflectance of the wall, shape of the footprint, chamfer, tau at the chamfer (d_tau:
     at the wall), and reflectance of the chamfer.
-    background_share: of the footprint; background_light: of what is returned.
+    background_share: of the footprint; by_background: by the depth of the background, its share of
+    what is returned where ranges are averaged.
     """
 
     depth_m: Array
@@ -143,10 +146,69 @@ class EdgeProfile:
     d_wall: Array
     d_shape: Array
     background_share: Array
-    background_light: Array
+    by_background: Array
     d_chamfer: Array | float = 0.0
     d_lean: Array | float = 0.0
     d_bevel: Array | float = 0.0
+    d_modulation: Array | float = 0.0
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Range (N,) that tells of two returns, and its derivatives by them, (N,) each.
+
+    share: of the farther one. by_share; by_far, by its range; by_near: by that of the nearer one,
+    over its share; by_modulation.
+    """
+
+    range_m: Array
+    share: Array
+    by_share: Array
+    by_far: Array
+    by_near: Array
+    by_modulation: Array | float = 0.0
+
+
+def mean_of(share: Array, near_m: Array, far_m: Array) -> Sum:
+    """Return the mean of two ranges (N,), of which the farther one has a share."""
+    apart_m = far_m - near_m
+    return Sum(near_m + share * apart_m, share, apart_m, share, np.ones_like(share))
+
+
+def sum_of_phases(share: Array, near_m: Array, far_m: Array, modulation: float) -> Sum:
+    """Return what a phase-shift scanner tells of two ranges (N,), of which the farther has a share.
+
+    modulation: square of the phase per metre, 1/m^2, of the shortest modulation. Its vectors add;
+    longer ones, which add nearly as the ranges' mean, tell how many turns it made. Near 0, and
+    below it, by the third cumulant of both ranges.
+    """
+    b, a, D = share, 1.0 - share, far_m - near_m
+    if modulation < LEAST_MODULATION:
+        skew, square = D**3 * b * a * (a - b) / 6.0, modulation * D * D
+        return Sum(
+            range_m=near_m + b * D - modulation * skew,
+            share=b,
+            by_share=D * (1.0 - square * (1.0 - 6.0 * a * b) / 6.0),
+            by_far=b * (1.0 - square * a * (a - b) / 2.0),
+            by_near=1.0 + square * b * (a - b) / 2.0,
+            by_modulation=-skew,
+        )
+    wave = np.sqrt(modulation)
+    sine, cosine = np.sin(wave * D), np.cos(wave * D)
+    level, upright = a + b * cosine, b * sine
+    square = np.maximum(level**2 + upright**2, LEAST_LIGHT)
+    mean = wave * b * D
+    beyond = np.arctan2(upright, level) - mean
+    told_m = (mean + beyond - 2.0 * np.pi * np.rint(beyond / (2.0 * np.pi))) / wave
+    by_far = b * (b + a * cosine) / square
+    return Sum(
+        range_m=near_m + told_m,
+        share=b,
+        by_share=sine / (wave * square),
+        by_far=by_far,
+        by_near=level / square,
+        by_modulation=(D * by_far - told_m) / (2.0 * modulation),
+    )
 
 
 def edge_profile(
@@ -161,6 +223,7 @@ def edge_profile(
     slant: Array | float = 0.0,
     chamfer_m: float = 0.0,
     bevel: Array | float = 1.0,
+    modulation: float | None = None,
 ) -> EdgeProfile:
     """Return the depth behind the target that a beam at x_m (N,) returns; all (N,), metres.
 
@@ -171,6 +234,8 @@ def edge_profile(
     depth = (b c (M_01 - F_1) + o (c (F_1 - F_2) + (T - c) (M_12 - F_2)) + e B F_2) /
     (1 - F_0 + b (F_0 - F_1) + o (F_1 - F_2) + e F_2),
     which is smooth in c about 0, also below. From tau = -1 on the chamfer is hidden.
+    modulation: None: ranges are averaged; else what lies near and the background add as
+    `sum_of_phases`: depths of millimetres add as their mean, decimetres do not.
     slant: by which a surface parallel to the target is deeper per distance inwards from the beam's
     axis. Parts of the footprint lie beside it; where all are of one brightness that cancels.
     """
@@ -187,47 +252,58 @@ def edge_profile(
     m_0, m_1, m_2 = (slant * spot_m * one.moment for one in at)
     H = (at[0].integral - at[1].integral) * spot_m  # c (1 + tau) M_01
     M = (at[1].integral - at[2].integral) * spot_m / width
-    light = 1.0 - F_0 + b * (F_0 - F_1) + o * (F_1 - F_2) + e * F_2
+    near, far = 1.0 - F_0 + b * (F_0 - F_1) + o * (F_1 - F_2), e * F_2
+    light = near + far
     on_bevel, on_wall = H / run - c * F_1, c * (F_1 - F_2) + (T - c) * (M - F_2)
     beside = (1.0 - b) * m_0 + (b - o) * m_1 + (o - e) * m_2
-    depth = (b * on_bevel + o * on_wall + e * background_m * F_2 + beside) / light
+    summed_m = b * on_bevel + o * on_wall + beside
+    near_m = np.where(near > LEAST_LIGHT, summed_m, 0.0) / np.maximum(near, LEAST_LIGHT)
+    if modulation is None:
+        told = mean_of(far / light, near_m, background_m)
+    else:
+        told = sum_of_phases(far / light, near_m, background_m, modulation)
+    # By the sum of near depths, less by near light, and by far light.
+    by_sum = told.by_near / light
+    by_near = near_m * by_sum + told.by_share * told.share / light
+    by_far = told.by_share * (1.0 - told.share) / light
 
     def change(d_F: tuple[Array | float, ...], d_H: Array | float, d_M: Array | float) -> Array:
         """Return the depth's change with F_0, F_1, F_2, H and M, (N,) each."""
         by = (
-            (1.0 - b) * depth,
-            (b - o) * (depth - c),
-            e * (background_m - depth) - o * (T - depth),
+            (1.0 - b) * by_near,
+            (b - o) * (by_near - c * by_sum),
+            e * by_far - o * (T * by_sum - by_near),
         )
         moved = sum(one * d for one, d in zip(by, d_F, strict=True))
-        return np.asarray((moved + b / run * d_H + o * (T - c) * d_M) / light)
+        return np.asarray(moved + by_sum * (b / run * d_H + o * (T - c) * d_M))
 
     d_width = np.where(width > 1e-3 * spot_m, change((0.0, 0.0, -f_2), 0.0, (F_2 - M) / width), 0.0)
     d_x_1 = change((0.0, -f_1, -f_2), F_1, (F_2 - F_1) / width)
     tilted = (1.0 - b) * (x_m + c) * f_0 + (b - o) * x_1 * f_1 + (o - e) * (x_1 - width) * f_2
     return EdgeProfile(
-        depth_m=depth,
-        d_x=change((f_0, f_1, f_2), F_0 - F_1, (F_1 - F_2) / width) - slant * tilted / light,
+        depth_m=told.range_m,
+        d_x=change((f_0, f_1, f_2), F_0 - F_1, (F_1 - F_2) / width) - slant * tilted * by_sum,
         d_tau=d_width * (T - c),
         d_log_spot=change(
             (-(x_m + c) * f_0, -x_1 * f_1, -(x_1 - width) * f_2),
             H - ((x_m + c) * F_0 - x_1 * F_1),
             M - (x_1 * F_1 - (x_1 - width) * F_2) / width,
         ),
-        d_thickness=o * (M - F_2) / light + d_width * facing,
-        d_log_ratio=e * (F_2 * (background_m - depth) - m_2) / light,
-        d_wall=(on_wall - depth * (F_1 - F_2) + m_2 - m_1) / light,
+        d_thickness=o * (M - F_2) * by_sum + d_width * facing,
+        d_log_ratio=e * (F_2 * by_far - m_2 * by_sum),
+        d_wall=(on_wall + m_2 - m_1) * by_sum - by_near * (F_1 - F_2),
         d_shape=change(
             tuple(one.share_by_shape for one in at),
             (at[0].integral_by_shape - at[1].integral_by_shape) * spot_m,
             (at[1].integral_by_shape - at[2].integral_by_shape) * (spot_m / width),
         ),
         background_share=F_2,
-        background_light=e * F_2 / light,
+        by_background=told.by_far,
         d_chamfer=change((f_0, 0.0, 0.0), F_0, 0.0)
         + seen * d_x_1
         - facing * d_width
-        + (o * (F_1 - M) - b * F_1) / light,
-        d_lean=np.where(tau > HIDDEN, c * d_x_1 - b * H / run**2 / light, 0.0),
-        d_bevel=(on_bevel - depth * (F_0 - F_1) + m_1 - m_0) / light,
+        + (o * (F_1 - M) - b * F_1) * by_sum,
+        d_lean=np.where(tau > HIDDEN, c * d_x_1 - b * H / run**2 * by_sum, 0.0),
+        d_bevel=(on_bevel + m_1 - m_0) * by_sum - by_near * (F_0 - F_1),
+        d_modulation=told.by_modulation,
     )

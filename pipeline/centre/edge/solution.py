@@ -16,6 +16,7 @@ from .beams import (
     CHAMFER,
     GROWTH,
     INVERSE,
+    MODULATION,
     RATIO,
     ROTATION,
     SHAPE,
@@ -56,6 +57,7 @@ class EdgeFit:
     of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
     much farther out the edge lies than stated, all round, with its standard uncertainty
     growth_u_m: both from SIZE_M as a prior. chamfer_m: width of its chamfer, with chamfer_u_m.
+    modulation: of the scanner, see `sum_of_phases`, 1/m^2, with modulation_u.
     stretch_m: how much farther out its sides across u lie, and farther in those across v, likewise,
     with stretch_u_m; 0 of a round one. covered: share of the outline that was used. misfit: share
     of outliers near the edge. unexplained: mean square
@@ -65,6 +67,8 @@ class EdgeFit:
     by which the centre would move if it were not, where that is in doubt; thickness_pull: by how
     many standard deviations of what the data may move it they pull the stated one, None where
     none is stated.
+    by_chamfer_m: (2,) by which it would move with a chamfer that the data ask for, but which may
+    be a wrong width.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
@@ -89,6 +93,8 @@ class EdgeFit:
     growth_u_m: float
     chamfer_m: float
     chamfer_u_m: float
+    modulation: float
+    modulation_u: float
     covered: float
     misfit: float
     unexplained: float
@@ -102,6 +108,7 @@ class EdgeFit:
     stated_thickness_m: float | None = None
     by_thickness_m: Array | None = None
     thickness_pull: float | None = None
+    by_chamfer_m: Array | None = None
     clean_shift_m: float | None = None
     by_size_m: Array | None = None
     size_chance: float = 0.0
@@ -119,7 +126,7 @@ class EdgeFit:
 
     @property
     def state(self) -> Array:
-        """State (13,), see beams.py."""
+        """State (14,), see beams.py."""
         logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
         return np.array(
             [
@@ -132,13 +139,17 @@ class EdgeFit:
                 self.spot_shape,
                 self.growth_m,
                 self.chamfer_m,
+                self.modulation,
             ]
         )
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Last state (13,) of a fit, what it was linearised from, and its last step of the centre."""
+    """Last state (14,) of a fit, what it was linearised from, and its last step of the centre.
+
+    by_chamfer_m: as of an EdgeFit.
+    """
 
     state: Array
     zones: Zones
@@ -146,6 +157,12 @@ class Solution:
     equations: Equations
     iterations: int
     last_m: float
+    by_chamfer_m: Array | None = None
+
+    @property
+    def covered(self) -> float:
+        """Share of the outline's sectors whose background is used."""
+        return float(np.mean(self.background.usable))
 
 
 def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
@@ -159,6 +176,7 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         points=len(found.equations.residual_m),
         iterations=found.iterations,
         converged=found.last_m < CONVERGED_M,
+        by_chamfer_m=found.by_chamfer_m,
         lost=_lost(found.background.usable, problem.outline),
     )
 
@@ -178,10 +196,12 @@ def as_stretched(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> Edge
 def _estimates(
     state: Array, linear: Equations, problem: EdgeProblem, prior: Prior
 ) -> dict[str, Any]:
-    """Return the fields of a fit that follow from its state (13,), or (14,) with the stretch."""
+    """Return the fields of a fit that follow from its state (14,), or (15,) with the stretch."""
     covariance, by_plane, dof = spread(linear, problem.outline, prior, problem.few)
-    if state[CHAMFER] < 0.0:
-        state, covariance, by_plane = _sharp(state, covariance, by_plane)
+    for which in (CHAMFER, MODULATION):
+        if state[which] < 0.0:
+            state, covariance, by_plane = _without(which, state, covariance, by_plane)
+            state[[CHAMFER, MODULATION]] = state[[CHAMFER, MODULATION]].clip(min=0.0)
     u = np.sqrt(np.diag(covariance))
     known: dict[str, Any] = {
         "centre_m": state[CENTRE],
@@ -200,6 +220,8 @@ def _estimates(
         "growth_u_m": float(u[GROWTH]),
         "chamfer_m": float(state[CHAMFER]),
         "chamfer_u_m": float(u[CHAMFER]),
+        "modulation": float(state[MODULATION]),
+        "modulation_u": float(u[MODULATION]),
         "rotation_noise": covariance[ROTATION, [0, 1, ROTATION]],
         "rotation_by_plane": by_plane[ROTATION],
         "thickness_u": float(u[THICKNESS]),
@@ -209,22 +231,24 @@ def _estimates(
     return known
 
 
-def _sharp(state: Array, covariance: Array, by_plane: Array) -> tuple[Array, Array, Array]:
-    """Return what `_estimates` begins with for no chamfer, where the fit has one below 0.
+def _without(
+    which: int, state: Array, covariance: Array, by_plane: Array
+) -> tuple[Array, Array, Array]:
+    """Return what `_estimates` begins with for a parameter of 0, where the fit has one below 0.
 
-    None is: of the probability, only that of chamfers above 0 is left, whose mean square about 0
+    None is: of the probability, only that of values above 0 is left, whose mean square about 0
     takes the place of the variance.
     """
-    variance = float(covariance[CHAMFER, CHAMFER])
-    by_chamfer = covariance[CHAMFER] / variance
-    below = min(-state[CHAMFER] / math.sqrt(variance), FAR_BELOW)
+    variance = float(covariance[which, which])
+    with_it = covariance[which] / variance
+    below = min(-state[which] / math.sqrt(variance), FAR_BELOW)
     rate = math.exp(-0.5 * below**2) / (
         math.sqrt(math.pi / 2.0) * math.erfc(below / math.sqrt(2.0))
     )
     left = 1.0 + below**2 - below * rate
-    taken = (1.0 - left) * variance * np.outer(by_chamfer, by_chamfer)
-    state = state - state[CHAMFER] * by_chamfer
-    return state, covariance - taken, by_plane - np.outer(by_chamfer, by_plane[CHAMFER])
+    taken = (1.0 - left) * variance * np.outer(with_it, with_it)
+    state = state - state[which] * with_it
+    return state, covariance - taken, by_plane - np.outer(with_it, by_plane[which])
 
 
 def _lost(usable: Mask, outline: Outline) -> tuple[float, float]:
@@ -270,10 +294,18 @@ def unexplained(found: Solution) -> float:
 
     Without any points as if all were outliers.
     """
-    weight, residual_m = found.equations.weight, found.equations.residual_m
-    if len(residual_m) == 0:
-        return OUTLIER
-    return float(np.mean(np.where(weight > 0.0, weight * residual_m**2, OUTLIER)))
+    left = _squares(found.equations)
+    return float(np.mean(left)) if len(left) > 0 else OUTLIER
+
+
+def unexplained_by_sector(found: Solution, count: int) -> Array:
+    """Return the sums (count,) of the same squares by sector of the outline."""
+    part = sector(found.equations.share, count)
+    return np.asarray(np.bincount(part, _squares(found.equations), count), float)
+
+
+def _squares(linear: Equations) -> Array:
+    return np.where(linear.weight > 0.0, linear.weight * linear.residual_m**2, OUTLIER)
 
 
 def explains_less(

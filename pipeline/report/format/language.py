@@ -14,6 +14,7 @@ from ...errors import InputError
 
 FOLDER = Path(__file__).parent / "words"
 LANGUAGES = tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+DECIMAL = re.compile(r'^decimal = "(.)"$', re.MULTILINE)
 POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 
@@ -26,8 +27,16 @@ class Translations:
     @cached_property
     def texts(self) -> Mapping[str, str]:
         """All texts by section and key, such as `scene.forward`."""
-        text = (FOLDER / f"{self.language}.toml").read_text(encoding="utf-8")
-        return dict(_flat(tomllib.loads(text)))
+        return dict(_flat(tomllib.loads(self._file)))
+
+    @cached_property
+    def decimal(self) -> str:
+        """Decimal sign, sought alone: JSON has numbers in words, and no other text."""
+        return str(DECIMAL.findall(self._file)[0])
+
+    @cached_property
+    def _file(self) -> str:
+        return (FOLDER / f"{self.language}.toml").read_text(encoding="utf-8")
 
     def __call__(self, key: str, **parts: object) -> str:
         """Return the text `key` with its {parts} filled in."""
@@ -53,7 +62,7 @@ class Translations:
 
     def number(self, text: str) -> str:
         """Write numbers with this language's decimal sign."""
-        return POINT.sub(self.texts["number.decimal"], text)
+        return POINT.sub(self.decimal, text)
 
 
 @cache
