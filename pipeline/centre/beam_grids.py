@@ -48,7 +48,7 @@ LEAST_SD = 0.01  # of a step
 OWN, LEAST_WITHIN = 4.5, 0.03  # of their median; steps: how far off a grid its own points lie
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BeamGrid:
     """Grid of a scanner's beams on a plane.
 

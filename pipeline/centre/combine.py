@@ -21,7 +21,7 @@ DISAGREE = 1e-4  # probability of a difference as large, below which two centres
 UNLIKELY = 0.05  # the same, below which what they differ by is in their uncertainties
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CentreEstimate:
     """Centre by one method, in the plane's coordinates.
 

@@ -77,7 +77,7 @@ def joined(fits: Sequence[TargetFit], instrument: InstrumentConfig) -> TargetFit
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Scatter:
     """Scatter of the fits' tilts, or of their positions along the normal or in the plane.
 

@@ -28,7 +28,7 @@ A_CELL = (3.0, 40.0)  # points, of which pairs are compared: neighbours, and oth
 MIXED = 0.15  # how far points beside each other are of one layer: 0 at random, 1 of parts of a face
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layers:
     """Layers of a face. plane: (3,) height and slopes; cuts_m: (K - 1,) between them, above it."""
 

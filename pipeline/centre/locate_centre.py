@@ -24,7 +24,7 @@ from .target_view import TargetView
 EDGE_SHIFT = 0.6  # of s sqrt(s / R) along an axis, s^2 / R across: shift of a centre by its edge
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OtherCentre:
     """Centre by one of several methods: centre_m (3,) scanner frame."""
 
@@ -48,7 +48,7 @@ class StationSpread:
     share: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TargetFit:
     """A measured target: its plane and its centre, in scanner coordinates.
 

@@ -67,7 +67,7 @@ class Raster:
         return np.where(within, row * self.across + column, 0.0).astype(np.int64), within
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Visibility:
     """Points of a target in cells of 2.5 times their spacing, counts (across, across).
 

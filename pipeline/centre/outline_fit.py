@@ -28,7 +28,7 @@ STEP_M = 1e-9
 MAX_STEPS, MAX_LOOKS = 60, 20
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OutlineFit:
     """An outline through the outermost points of a target: centre_m (2,), covariance_m2 (2, 2).
 

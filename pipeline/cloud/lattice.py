@@ -46,7 +46,7 @@ INSIDE = (0.5, 99.5)  # percentiles of the depths of a face
 LEAST_SLACK = 0.05  # of a layer, by which a face may lie higher or lower in it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VoxelLattice:
     """Layers of cubic cells along a face, one point a cell.
 

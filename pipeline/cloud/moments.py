@@ -13,7 +13,7 @@ from .threads import over_chunks
 SUMS = 10  # n, x, y, z, xx, xy, yy, xz, yz, zz
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SlabMoments:
     """Moments of the points near a plane by the cells of a grid, and the points near its limits.
 

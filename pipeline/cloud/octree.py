@@ -31,7 +31,7 @@ _FIRST = np.array(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NodeRows:
     """Part of a node: its depth, its cell (Morton code of `depth` bits an axis), rows of points."""
 

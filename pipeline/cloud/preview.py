@@ -15,7 +15,7 @@ CLOSE_M, VEHICLE_M = 0.25, 6.0  # from a target: its surroundings; what may be o
 AROUND = 0.75  # beyond the wheels, relative to their distance from the middle: overhangs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CloudSample:
     """Scanned points: origin_m (3,), scanner frame, and offsets_m (N, 3) float32 from it."""
 

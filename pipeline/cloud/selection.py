@@ -93,7 +93,7 @@ def thin(points_m: npt.NDArray[Any], share: float) -> Mask:
     return np.asarray(coordinate_hash(points_m) <= _hash_limit(share))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Surroundings:
     """Points relative to a target's centre: all near its plane, and those around it.
 

@@ -36,7 +36,7 @@ FILLED = 0.9  # share of a raster's positions that hold a point
 WINDOW = 40.0  # steps: half the width in which that is counted
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Steps:
     """Steps of rounded coordinates: step_m (3,), 0 where exact, along axes (3, 3), rows."""
 
@@ -98,7 +98,7 @@ def level_step(values: Array, precision: float) -> float | None:
     return max(step, float(np.quantile(np.minimum(gaps[1:], gaps[:-1]), NEXT)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Levels:
     """Values that coordinates have along each axis, and the distance to the nearest other one.
 

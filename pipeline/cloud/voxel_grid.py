@@ -17,7 +17,7 @@ VOXEL_BITS = 21
 _WIDE = 64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VoxelGrid:
     """Moments of a cloud in the C voxels that hold points, in the order of their keys.
 

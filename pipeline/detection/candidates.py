@@ -30,7 +30,7 @@ FITTED_POINTS = 6000  # enough for a plane to a few micrometres
 REACH = 2.0  # of the radius: the surroundings against which the outline is matched
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """Plane and the score of its outline as the target's.
 

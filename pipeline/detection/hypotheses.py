@@ -22,7 +22,7 @@ PIECES_REACH = 1.8  # of the radius: how far from one piece of a target the othe
 ALIGNED, SAME_DEPTH = 0.9, 0.08  # cosine, and of the radius: two positions on one plane
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hypothesis:
     """Candidate position of the target: centre, normal (sign free), and score of the surface."""
 

@@ -17,7 +17,7 @@ _HALF_OF_NEIGHBOURS = tuple(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Surfels:
     """Flat voxels and the surface that each belongs to.
 

@@ -32,7 +32,7 @@ NO_POINTS = np.zeros((0, 2))
 TOP = 0.15  # of the score: height of the top of a peak
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Placement:
     """Best position of the target on the occupied cells.
 

@@ -31,7 +31,7 @@ BY_Z = "the z axis, {off}° off"
 BY_BOTH = "the floor, {depth} m below the wheels' centres, and the z axis, {off}° off"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Up:
     """Up direction: (3,) unit, normal to the wheels' plane. by: its sources, in words."""
 

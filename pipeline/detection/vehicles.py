@@ -23,7 +23,7 @@ IN_LINE_M, IN_LINE_DEG, LIKE_TRACKS = 0.05, 2.0, 0.8  # of the axles of a vehicl
 RIVAL = 1.25  # all limits that much wider: another set of four that keeps these is a rival
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FoundTarget:
     """Target found in a cloud. centre_m: (3,). normal: (3,) unit, away from its back."""
 

@@ -1,5 +1,8 @@
 """Summary and findings of a scan file, plausibility checks, self-test on certified data."""
 
+from typing import TYPE_CHECKING
+
+from ..system import loader
 from .findings import findings, spacing_m
 from .plausibility import (
     TRACKS_M,
@@ -18,8 +21,10 @@ from .plausibility import (
     lone_points,
     vehicle_unit,
 )
-from .scan_summary import ScanSummary, summarise_scan
-from .selftest import BOUND, Check, Figure, digest, run_selftest
+
+if TYPE_CHECKING:
+    from .scan_summary import ScanSummary, summarise_scan
+    from .selftest import BOUND, Check, Figure, digest, run_selftest
 
 __all__ = [
     "BOUND",
@@ -47,3 +52,12 @@ __all__ = [
     "summarise_scan",
     "vehicle_unit",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = loader(
+        __name__,
+        {
+            ".scan_summary": {"ScanSummary", "summarise_scan"},
+            ".selftest": {"BOUND", "Check", "Figure", "digest", "run_selftest"},
+        },
+    )

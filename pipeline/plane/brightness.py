@@ -31,7 +31,7 @@ FIRST_POINTS = 10_000  # enough to see whether there is anything to fit
 MAX_REFITS, SETTLED = 6, 0.02  # of the standard uncertainty of g
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RangeByBrightness:
     """Difference of the heights of bright and dark points of a face, towards the scanner.
 
@@ -55,7 +55,7 @@ class RangeByBrightness:
         return math.copysign(half, self.step_m)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FittedBrightness:
     """Plane without range by brightness; cells: its residuals, with the brightness of each.
 

@@ -20,7 +20,7 @@ MARGIN = 0.15  # of the limit: how far the plane may move before the points are 
 MAX_TILT = 1e-3  # of the plane to the axes of its sums, above which the points are summed again
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ClipSlab:
     """Slab in which points are summed, about the plane w = height_m in the axes basis (3, 3).
 
@@ -57,7 +57,7 @@ class ClipSlab:
         return ClipSlab(basis, height, plane.sigma_m, self.resolution_m)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ClippedPlane:
     """Plane of total least squares in the axes of its slab: w - w0 = tilt . (u - u0, v - v0).
 

@@ -35,7 +35,7 @@ SIGNIFICANT = 9.0  # of twice the gain in log-likelihood, before correlation is 
 SIGNIFICANT_LINED = 12.0  # the same in cells along scan lines, which show more kinds of noise
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CorrelatedNoise:
     """Correlated noise and form error found in the residuals of a plane.
 
@@ -63,7 +63,7 @@ class CorrelatedNoise:
         return replace(self, covariance=parts[0], form_covariance=parts[1])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cells:
     """Residuals averaged over square cells.
 
@@ -219,7 +219,7 @@ def filled(count: Array) -> Mask | None:
     return full if np.count_nonzero(full) >= MIN_CELLS else None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Whitened:
     """Residuals (C,) of the cells at unit variance, without what the fit explains.
 
@@ -257,7 +257,7 @@ class _Maximum:
     dof: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Field:
     """Field of lengths (2,) in the whitened residuals of the cells.
 

@@ -45,7 +45,7 @@ LEAST_GAIN = 9.0  # in log-likelihood: shapes below have no belief worth countin
 NOTED = 0.9  # belief
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lines:
     """Lines on a face, beyond each of which it steps, or bends, in the axes of the cells.
 
@@ -82,7 +82,7 @@ class Lines:
         return replace(self, directions=self.directions[at], distances_m=self.distances_m[at])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Areas:
     """Rectangles on a face that are raised, or sunk, in the axes of the cells.
 
@@ -132,7 +132,7 @@ class Areas:
 Shapes = TypeVar("Shapes", Lines, Areas)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FaceBreak:
     """Step, bend or raised area found on a face.
 
@@ -239,7 +239,7 @@ class _Trial:
         return _Tried(fits, noise, float(with_shape[clearest] - without[clearest]) - unlikely)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Fits(Generic[Shapes]):
     """Lines or areas and what each explains of the cells' residuals.
 

@@ -28,7 +28,7 @@ SPANNED = 1.5  # distances of levels: no point within them of the plane is clipp
 MAX_ROUGHNESS = 0.25  # noise over a neighbourhood's spread: above it larger ones are tried
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CloudPlane:
     """Plane of a cloud: normal . x + offset = 0.
 

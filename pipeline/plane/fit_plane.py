@@ -37,7 +37,7 @@ ROUNDED = 4.0  # steps: points on a lattice of shorter cells were rounded, not t
 SPANNED = 1.5  # steps: no point within them of the plane is clipped
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Rounding:
     """Effect of rounded coordinates on a plane.
 
@@ -52,7 +52,7 @@ class Rounding:
     covariance: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlaneFit:
     """Fitted plane and the evidence for it.
 

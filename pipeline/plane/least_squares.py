@@ -10,7 +10,7 @@ import numpy as np
 from ..vectors import CHUNK_ROWS, Array, Mask, cross, norm
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlaneMoments:
     """Plane of total least squares: n . (x - centroid) = 0.
 

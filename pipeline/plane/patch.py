@@ -15,7 +15,7 @@ from .copies import copies_within_m, first_in_places, first_within, places_share
 CHANCE_M = 2e-4  # steps of coordinates from which on points share places by chance
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Patch:
     """Points of a target and its surroundings, before anything is fitted to them.
 

@@ -35,7 +35,7 @@ TAIL, PER_STEP, PER_SIGMA = 9.0, 200, 25  # reach of the tables in sigma, nodes 
 Tail = Callable[[Array], tuple[Array, Array]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RoundedFit:
     """Plane w = height_m + slopes . (u, v) of rounded points.
 
@@ -105,7 +105,7 @@ def logistic_tail(x: Array) -> tuple[Array, Array]:
     return beyond, rate * beyond / (1.0 + np.exp(-rate * x))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Likelihood:
     """Log-likelihood of points at a state, its slope (4,) and expected information (4, 4).
 
@@ -173,7 +173,7 @@ def _evaluate(uvw: Array, state: Array, tail: Tail) -> _Likelihood:
     return _Likelihood(float(log.sum()), slope, information, by_height, height)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Table:
     """Likelihood of one point and what it is expected to tell, in steps, at one sigma.
 

@@ -39,7 +39,7 @@ ROUNDED = 0.3  # of the points' mean distance: of longer steps, no lines are loo
 ONE_WAVE = 3.0  # steps of the waves tried, within which two are one
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Grid:
     """Grid of the beams on a plane.
 

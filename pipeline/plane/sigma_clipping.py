@@ -16,7 +16,7 @@ from .least_squares import PlaneMoments, total_least_squares
 CLIPPED_SIGMA_RATIO = 0.98658
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Clipping:
     """Plane through `point` and the noise across it, which decide the points that are kept.
 

@@ -17,7 +17,7 @@ from .read_scan import open_cloud
 SAMPLE = 100_000  # points by which missing returns are known
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlacedBlock:
     """Successive valid points of one scan of a file, its pose applied.
 

@@ -21,7 +21,7 @@ RowProgress = Callable[[int, int], None]
 MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PointRows:
     """Preallocated arrays for points, intensity and grid, or views into them."""
 

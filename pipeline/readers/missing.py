@@ -27,7 +27,7 @@ ROUGH = 0.5  # rms across few neighbours over that across many: a smooth surface
 HUGE = 1e10  # powers of ten from here on, and the largest numbers, are no coordinates
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Markers:
     """Places (P, 3), and values along axes, that mark missing returns; metres."""
 

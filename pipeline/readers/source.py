@@ -50,7 +50,7 @@ class Source:
         return self.size - self.stream.tell()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Block:
     """Successive points of one scan: columns of one length, in the file's own unit.
 
@@ -68,7 +68,7 @@ class Block:
     part: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RawPart:
     """One scan of a file that may hold several.
 

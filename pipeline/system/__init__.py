@@ -5,6 +5,7 @@ And a stopwatch for the stages of a measurement in this process.
 
 from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder
+from .lazily import loader
 from .locks import acquire
 from .memory import (
     free_bytes,
@@ -39,6 +40,7 @@ __all__ = [
     "give_back",
     "give_way",
     "inherits_descriptors",
+    "loader",
     "machine_bytes",
     "memory_file",
     "memory_limit",

@@ -1,5 +1,8 @@
 """Uncertainty components, their propagation (JCGM 100) and its Monte Carlo check (JCGM 101)."""
 
+from typing import TYPE_CHECKING
+
+from ..system import loader
 from .components import (
     UncertainTarget,
     UncertaintyComponent,
@@ -26,7 +29,6 @@ from .distributions import (
     share_limits,
     tail,
 )
-from .field_tests import FieldTests, FoundTerm, evaluate_tests
 from .monte_carlo import TOLERANCE, MonteCarlo, monte_carlo
 from .propagation import (
     LEVEL,
@@ -38,6 +40,9 @@ from .propagation import (
 )
 from .scatter import least_squares, scatter_beyond
 from .type_b import with_type_b
+
+if TYPE_CHECKING:
+    from .field_tests import FieldTests, FoundTerm, evaluate_tests
 
 __all__ = [
     "LEVEL",
@@ -78,3 +83,6 @@ __all__ = [
     "vertical_component",
     "with_type_b",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = loader(__name__, {".field_tests": {"FieldTests", "FoundTerm", "evaluate_tests"}})

@@ -3,14 +3,14 @@
 Its modules are loaded when they are first used: a tenth of the start, and few scans have no target.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from ..system import loader
 from .find_patch import find_patch
 
 if TYPE_CHECKING:
-    from .find_places import VehicleScan, WheelPlace, find_places
     from .fit_wheel import fit_surface, target_of
+    from .places import VehicleScan, WheelPlace, find_places
     from .profile import WheelProfile, profile_of
 
 __all__ = [
@@ -23,17 +23,13 @@ __all__ = [
     "profile_of",
     "target_of",
 ]
-_MODULES = {
-    ".find_places": {"VehicleScan", "WheelPlace", "find_places"},
-    ".fit_wheel": {"fit_surface", "target_of"},
-    ".profile": {"WheelProfile", "profile_of"},
-}
 
 if not TYPE_CHECKING:
-
-    def __getattr__(name):
-        """Load a public name."""
-        for module, names in _MODULES.items():
-            if name in names:
-                return getattr(import_module(module, __name__), name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    __getattr__ = loader(
+        __name__,
+        {
+            ".places": {"VehicleScan", "WheelPlace", "find_places"},
+            ".fit_wheel": {"fit_surface", "target_of"},
+            ".profile": {"WheelProfile", "profile_of"},
+        },
+    )

@@ -30,7 +30,7 @@ SECTOR_PARTS, RING_PARTS = 24, 6
 SAMPLED, HALVINGS = 2000, 14  # cells and steps by which their spread is found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CellFit:
     """Solution over the cells of the rings used.
 
@@ -182,7 +182,7 @@ def _excess(rest: Array, white: Array, steep: Array) -> float:
     return high
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Normal:
     """Normal equations without the rings' heights.
 

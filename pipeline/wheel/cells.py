@@ -46,7 +46,7 @@ class Grid:
         return self.rings * self.sectors
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CellPoints:
     """Points in the cells of a grid: cell, radius_m, height_m along the axis, each (N,)."""
 
@@ -76,7 +76,7 @@ class CellPoints:
         return CellPoints(self.grid, self.cell[kept], self.radius_m[kept], self.height_m[kept])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Heights:
     """Heights over a meridian by cells, each (rings, sectors).
 

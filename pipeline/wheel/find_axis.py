@@ -29,7 +29,7 @@ SAME_RAD, SAME_M = np.radians(0.5), 0.005  # of two axes that are one
 APART_M, RIVAL = 0.35, 0.5  # from the best place, and of its score: another wheel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pieces:
     """Small pieces of surface: centroid_m, normal (S, 3), count (S,) of points."""
 

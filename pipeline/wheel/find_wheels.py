@@ -35,7 +35,7 @@ TWIN_M = (0.1, 0.6)  # aside and along: of the inner wheel of two on one hub
 STANDS_M = (-0.08, 0.10)  # height of the axis less the largest radius seen
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Floor:
     """The floor: a point on it and its upward normal, each (3,)."""
 
@@ -47,7 +47,7 @@ class Floor:
         return np.asarray((points_m - self.point_m) @ self.up)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Cloud:
     """Points of a cloud, points_m (N, 3), that are looked up by places in it."""
 

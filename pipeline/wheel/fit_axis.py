@@ -20,7 +20,7 @@ LEAST_RINGS = 3
 LEAST_KEPT = 0.5  # of the cells of a ring, below which it is not of revolution
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class AxisFit:
     """Fitted axis, with the evidence.
 

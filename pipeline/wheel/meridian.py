@@ -15,7 +15,7 @@ CLIP = 3.0  # of the noise of single points about the median of their cell
 MAD = 1.4826
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Meridian:
     """Heights, slopes and noise of single points, each (rings,); NaN where a ring is unknown."""
 

@@ -18,7 +18,7 @@ CLIP = 2.5  # of the robust scale
 LEAST_SCALE_M = 1e-5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Axis:
     """A line: a point on it, and its unit direction, each (3,)."""
 

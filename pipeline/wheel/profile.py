@@ -17,7 +17,7 @@ from .meridian import Meridian
 SHOWN = 1500  # points, cells that were kept, and cells that were rejected
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WheelProfile:
     """Meridian of a wheel, heights from the centre outwards along the axis.
 

@@ -476,7 +476,7 @@ def test_a_few_sectors_that_ask_for_another_size_are_left_out(monkeypatch, askin
         linear = SimpleNamespace(weight=np.ones(len(share)), residual_m=square**0.5, share=share)
         return Solution(state, Zones.alike(), None, linear, 5, 0.0)
 
-    left = np.where(np.arange(UNEVEN_SECTORS) < asking, 1.1 * BY_CHANCE, 0.9 * BY_CHANCE)
+    left = np.where(np.arange(UNEVEN_SECTORS) < asking, 1.1 * BY_CHANCE, 0.005 * BY_CHANCE)
     stated, found = of_size(0.0, left), of_size(1.2 * OTHER_SIZE_M, 0.0 * left)
     again = of_size(again_m, left)
 

@@ -197,8 +197,9 @@ def test_a_plane_that_is_too_high_moves_the_centre_as_the_derivative_says():
     outline, points, _ = scanned("disc", incidence_deg=25.0)
 
     def sharp(points):
-        begin = aimed(points, outline, 0.01, CONFIG)
-        return fit_edge(points, outline, 0.01, 0.0003, CONFIG, begin, chamfer_m=0.0)
+        config = CONFIG.model_copy(update={"ambiguity_m": 0.0})
+        begin = aimed(points, outline, 0.01, config)
+        return fit_edge(points, outline, 0.01, 0.0003, config, begin, chamfer_m=0.0)
 
     here, lift = sharp(points), 5e-5
     up, down = (sharp(points - [0.0, 0.0, way * lift]) for way in (1.0, -1.0))

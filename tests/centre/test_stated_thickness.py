@@ -156,7 +156,7 @@ def test_a_thickness_is_doubted_where_few_points_or_the_prior_may_hide_a_wrong_o
 
     monkeypatch.setattr(mixed_fit, "_best", best)
     monkeypatch.setattr(mixed_fit, "_again", again)
-    monkeypatch.setattr(mixed_fit, "_with_chamfer", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: off)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
     monkeypatch.setattr(mixed_fit, "settled", lambda fitted, found: fitted)
@@ -188,7 +188,7 @@ def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, l
     solutions[1].equations.residual_m[0] = math.sqrt(left)
     remaining = iter(solutions)
     monkeypatch.setattr(mixed_fit, "_best", lambda problem, *args: (problem, next(remaining)))
-    monkeypatch.setattr(mixed_fit, "_with_chamfer", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: off)
     fits = iter((FITTED, free(3.0 * THICK_M)))
     monkeypatch.setattr(mixed_fit, "record", lambda *args: next(fits))
@@ -216,7 +216,7 @@ def test_a_wall_as_deep_as_what_lies_beyond_it_is_none(monkeypatch, wall, neares
     remaining, starts = iter(solutions), []
     monkeypatch.setattr(mixed_fit, "_best", lambda problem, *args: (problem, next(remaining)))
     monkeypatch.setattr(mixed_fit, "_again", lambda *args: starts.append(args) or solutions[0])
-    monkeypatch.setattr(mixed_fit, "_with_chamfer", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 2.2)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
     problem = problem_of()

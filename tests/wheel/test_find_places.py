@@ -6,7 +6,7 @@ import pytest
 from tests.support.round_wheels import about_axis, vehicle_points
 from wheelplane.config import Config
 from wheelplane.targets import load_target
-from wheelplane.wheel.find_places import VehicleScan, find_places
+from wheelplane.wheel.places import VehicleScan, find_places
 
 CENTRES = [np.array([x, y, 0.32]) for x in (0.0, 2.6) for y in (-0.75, 0.75)]
 AXES = [np.array([0.0, np.sign(y), 0.0]) for _, y, _ in CENTRES]

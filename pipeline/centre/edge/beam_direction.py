@@ -80,7 +80,7 @@ def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) 
     return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shadow:
     """State (14,) whose beams explain the shadow's edge in so many of the sectors that show it."""
 

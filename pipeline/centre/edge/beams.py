@@ -31,7 +31,7 @@ SPARSE, MAX_SPREAD_SPARSE = 16, 0.4  # the same of sectors of fewer points, whic
 NEXT_M, OFF_ROUGH, OFF_SHARE, LEAST_OTHER, MOST_OTHER = 0.003, 4.0, 0.15, 3, 0.3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Background:
     """Clean background by sector, (K,) each: a line of depth over x, and where it can be used.
 
@@ -195,7 +195,7 @@ ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # least depth of a background
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prior:
     """Prior of the state: mean and weight, one over the variance; (14,) each."""
 
@@ -356,7 +356,7 @@ def pointed(state: Array, station: Array, centre: Array) -> Array:
     return state
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Beams:
     """Beams carried to the plane, (N,) each or (N, 2): x outside the edge, its normal rho, tau.
 

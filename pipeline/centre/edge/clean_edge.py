@@ -122,7 +122,7 @@ def gapped_equations(
     return _linearised(problem, state, robust, rough, parted)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Parted:
     """Where returns part by the slope of the wall against the beams: state (14,), slopes tau (K,).
 

@@ -54,7 +54,7 @@ SCATTERS, NODES = np.geomspace(1.0, 20.0, 200), 40  # of Gaussian residuals of f
 RANK = 1e-6  # of a zone's information: least that the other parameters may leave of it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EdgeProblem:
     """Points near the edge, (N, 2) in the plane and (N,) deep, in random order; the state's prior.
 
@@ -114,7 +114,7 @@ class EdgeProblem:
         return self._kept[key]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Zones:
     """Logs (ZONES,) of each zone's reflectance ratio over that of all; sigma, their scatter."""
 
@@ -137,7 +137,7 @@ class Zones:
         return self.sigma**-2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equations:
     """Points near the edge, linearised: residual = slopes @ step.
 
@@ -235,8 +235,10 @@ class Equations:
 
         (ZONES,) with each zone itself and its prior, (14, ZONES) with the state.
         """
-        d = self.slopes[:, RATIO]
-        cross = np.stack([self.zone_sum(weight * d * column) for column in self.slopes.T])
+        products = weight * self.slopes[:, RATIO] * self.slopes.T
+        places = self.zone + ZONES * np.arange(len(products))[:, None]
+        sums = np.bincount(places.ravel(), products.ravel(), ZONES * len(products))
+        cross = np.asarray(sums, float).reshape(-1, ZONES)
         return cross[RATIO] + self.zones.weight, cross
 
     def eliminated(self, own: Array, cross: Array, prior: Prior) -> tuple[Array, Array]:

@@ -54,7 +54,7 @@ MOST_UNSEEN = 0.12
 NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Aim:
     """Start of a fit: state (14,); station (3,) that its beams come from, if one is known."""
 
@@ -202,7 +202,7 @@ def square_on(thickness_m: float | None, config: CentreConfig, start: tuple[Arra
     return Aim(begin)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Behind:
     """Background behind an outline: seen, whether there is any; beam, slope that explains it.
 

@@ -210,10 +210,13 @@ def _where_stated(
     """Return the problem without sectors that ask for another size, and its solution.
 
     stated: that of the stated size; found: of another one. The latter, with the problem as it is,
-    where more sectors than contradict a background ask for it.
+    where others do, too, or more sectors ask for it than contradict a background.
     """
     left, left_by_other = (unexplained_by_sector(one, UNEVEN_SECTORS) for one in (stated, found))
-    left_out = left - left_by_other > BY_CHANCE
+    asks = left - left_by_other
+    left_out = asks > BY_CHANCE
+    if asks[~left_out].sum() > BY_CHANCE:
+        return problem, found
     if problem.left_out is not None:
         left_out |= problem.left_out
     if np.mean(left_out) > MOST_UNEVEN:
@@ -228,25 +231,26 @@ def _freed(
 ) -> tuple[EdgeProblem, Solution]:
     """Return the problem of a scanner that may add phases, and an edge that may have a chamfer.
 
-    With its solution from one of means and a sharp edge. Without the chamfer where one is stated;
-    where the plate may be of another size, which a chamfer would explain as well; or where the data
-    ask for one that is none, below 0 or wide.
+    With its solution from one of means and a sharp edge, which steep beams keep. Without the
+    chamfer where one is stated; where the plate may be of another size, which a chamfer would
+    explain as well; or where the data ask for one that is none, below 0 or wide. Without phases
+    where they do not explain such a size.
     """
     most = config.max_iterations
-    if problem.few or plain.last_m > CONVERGED_M:
+    steep = float(np.hypot(*plain.state[BEAM])) > STEEP
+    if problem.few or steep or plain.last_m > CONVERGED_M:
         return problem, plain
     phased = problem
     if problem.prior.is_of_means and config.ambiguity_m is None:
         phased = replace(problem, prior=problem.prior.by_phase())
-    sharp = problem.prior.is_sharp and float(np.hypot(*plain.state[BEAM])) < STEEP
-    bevelled = None
-    if sharp and not _may_be_of_another_size(problem, plain):
+    doubted, bevelled = _may_be_of_another_size(problem, plain), None
+    if problem.prior.is_sharp and not doubted:
         may = replace(phased, prior=phased.prior.bevelled())
         bevelled = _bevelled(may, plain, most)
         if _has_chamfer(may, bevelled):
             return may, bevelled
     found = _near(phased, plain, most)
-    if found.last_m > CONVERGED_M:
+    if found.last_m > CONVERGED_M or (doubted and _may_be_of_another_size(phased, found)):
         phased, found = problem, plain
     if bevelled is None or bevelled.last_m > CONVERGED_M or bevelled.state[CHAMFER] < 0.0:
         return phased, found

@@ -64,7 +64,7 @@ def profile_of(shape: float) -> Profile:
     return Profile(shape)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Footprint:
     """Shares of a footprint of unit radius beyond straight edges, (N,) each.
 
@@ -126,7 +126,7 @@ _G = np.concatenate(
 _BY_SHAPE = _F[1] - _F[0], _G[1] - _G[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EdgeProfile:
     """Mean depth (N,) over the footprint, and its derivatives, (N,) each.
 
@@ -153,7 +153,7 @@ class EdgeProfile:
     d_modulation: Array | float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sum:
     """Range (N,) that tells of two returns, and its derivatives by them, (N,) each.
 

@@ -144,7 +144,7 @@ class EdgeFit:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Last state (14,) of a fit, what it was linearised from, and its last step of the centre.
 

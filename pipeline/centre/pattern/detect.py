@@ -20,7 +20,7 @@ QUIET = 12  # pixels of margin, without which markers at the image's border are 
 MIN_CORNERS = 3  # rows and columns of a partly hidden board
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Markers:
     """Markers found: ids (K,); corners (K, 4, 2), pixels, clockwise from each one's upper left."""
 

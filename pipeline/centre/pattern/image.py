@@ -14,7 +14,7 @@ MAX_PIXELS = 1600  # along an edge
 FILL_ROUNDS = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TargetImage:
     """Grey image as seen from the scanner, u to the right and v up.
 

@@ -16,7 +16,7 @@ FOUND_SHARE = 0.3  # of the features, at least, that must be found
 ROTATION_STEP_OF_PITCH = 0.25  # step of the rotations that are tried, at the pattern's border
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pose:
     """A target's axes in the plane: centre_m (2,), rotation_rad. found: number of matched features.
 

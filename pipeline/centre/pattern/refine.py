@@ -15,7 +15,7 @@ MAX_STEPS, STEP_OF_BLUR = 30, 1e-4
 MIN_CONTRAST = 2.0  # of the edge, over the scatter of the intensities
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shading:
     """Basis (N, T) of a feature's intensity about its centre, and its derivatives by u and v.
 

@@ -83,7 +83,7 @@ def _on_plane(face_m: Array, patch: Patch, plane: PlaneFit) -> Array:
     return np.asarray(points[np.abs(points[:, 2]) < USED * plane.sigma_m])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Beams:
     """Beams of points (N, 3), in the plane's coordinates and the order of the file.
 
@@ -113,7 +113,7 @@ class _Beams:
         return before_m, np.sqrt(np.maximum(np.sum(apart**2, axis=1) - before_m**2, 0.0))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Hindrances:
     """Parts of beams (K,) from low_m to high_m before the plane, in which nothing was kept."""
 

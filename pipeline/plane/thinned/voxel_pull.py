@@ -38,7 +38,7 @@ STEPS, SETTLED = 60, 1e-3  # of Gauss-Newton; the size of the last, by its u
 LEAST_SLOPE = 0.05  # of the mean height by the plane's
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Thinning:
     """Effect of a voxel lattice on a plane.
 
@@ -50,7 +50,7 @@ class Thinning:
     covariance: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LatticePull:
     """Pull of a lattice, fitted together with a plane z = h + slopes . (xy - middle).
 

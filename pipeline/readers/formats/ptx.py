@@ -28,7 +28,7 @@ _LONGEST_LINE = 1 << 16
 _MOST_SCANS = 10_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Raster:
     """One raster: its columns and rows, its pose, and the line number of its first row."""
 

@@ -14,7 +14,7 @@ from ...errors import InputError
 
 FOLDER = Path(__file__).parent / "words"
 LANGUAGES = tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
-DECIMAL = re.compile(r'^decimal = "(.)"$', re.MULTILINE)
+DECIMAL = re.compile(r'^decimal = "(.)"$', re.MULTILINE)  # of "number.decimal"
 POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 

@@ -17,7 +17,7 @@ from .find_wheels import find_wheels
 SAME_M = 0.3  # apart: a target and the wheel behind it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class VehicleScan:
     """Points of a vehicle, (N, 3), with what its file holds of them; see `find_targets`."""
 
