@@ -98,7 +98,7 @@ class InstrumentConfig(Section):
     A scanner's file states them in its table [instrument]. range_sigma_m: noise of one range, with
     which that of the scans is compared. spot_radius_m: overrides that of [centre]. ambiguity_m:
     half the shortest wavelength of a phase-shift scanner's modulation, whose phases add in a mixed
-    pixel; 0 of a scanner that tells the mean of all ranges in its footprint.
+    pixel; 0 of a scanner that averages the ranges in its footprint.
     distance_m: from scanner to target, for scans that do not state the scanner's position.
     range_scale_ppm: error of all ranges, per million. incidence_bias_m: b of the range error b (1 /
     cos(incidence) - 1).

@@ -25,7 +25,7 @@ class TargetFile(Section):
 
     shape: str
     thickness: float = Field(gt=0.0)
-    chamfer: float | None = Field(None, ge=0.0, le=0.02)
+    chamfer: float | None = Field(None, ge=0.0, le=0.003)
     flatness: float = Field(0.0, ge=0.0, le=0.001)
     clamp_tilt_deg: float = Field(0.0, ge=0.0, le=2.0)
     clamp_shift: float = Field(0.0, ge=0.0, le=0.02)

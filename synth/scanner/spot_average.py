@@ -78,8 +78,8 @@ def _average_chunk(
 def _by_phase(range_m: Array, weight: Array, mean_m: Array, ambiguity_m: float) -> Array:
     """Return the ranges (N,) of the sum of the modulations that sub-rays (N, K) return.
 
-    The phase of the shortest one tells the range up to multiples of ambiguity_m; longer ones, whose
-    phases add nearly as the ranges' mean (N,), tell which.
+    The phase of the shortest one gives the range up to multiples of ambiguity_m; longer ones, whose
+    phases add nearly as the ranges' mean (N,), resolve that.
     """
     cycle = 2.0 * np.pi / ambiguity_m
     aside = np.where(weight > 0.0, range_m, mean_m[:, None]) - mean_m[:, None]

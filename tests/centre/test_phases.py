@@ -35,16 +35,16 @@ def test_vectors_add_as_complex_numbers(modulation):
     share, near_m, far_m = two_ranges()
     wave = np.sqrt(modulation)
     vector = (1.0 - share) * np.exp(1j * wave * near_m) + share * np.exp(1j * wave * far_m)
-    told = sum_of_phases(share, near_m, far_m, modulation)
+    measured = sum_of_phases(share, near_m, far_m, modulation)
     clear = wave * (far_m - near_m) < 3.0
     assert clear.any()
-    np.testing.assert_allclose(told.range_m[clear], np.angle(vector[clear]) / wave, atol=1e-12)
+    np.testing.assert_allclose(measured.range_m[clear], np.angle(vector[clear]) / wave, atol=1e-12)
 
 
 @pytest.mark.parametrize("modulation", [-15.0, 0.0, 0.005, *MODULATIONS])
 def test_derivatives_are_those_of_central_differences(modulation):
     share, near_m, far_m = two_ranges()
-    told = sum_of_phases(share, near_m, far_m, modulation)
+    measured = sum_of_phases(share, near_m, far_m, modulation)
 
     def change(**off):
         at = [share, near_m, far_m, modulation]
@@ -57,17 +57,17 @@ def test_derivatives_are_those_of_central_differences(modulation):
     names = ("share", "near", "far", "modulation")
     jumps = np.sqrt(max(modulation, 0.0)) * (far_m - near_m) > 3.0  # where vectors nearly cancel
     for shown, off in (
-        (told.by_share, {"share": 1e-6}),
-        (told.by_near * (1.0 - share), {"near": 1e-6}),
-        (told.by_far, {"far": 1e-6}),
-        (told.by_modulation, {"modulation": 1e-4}),
+        (measured.by_share, {"share": 1e-6}),
+        (measured.by_near * (1.0 - share), {"near": 1e-6}),
+        (measured.by_far, {"far": 1e-6}),
+        (measured.by_modulation, {"modulation": 1e-4}),
     ):
         seen = change(**off)
         limit = 1e-5 * np.abs(seen[~jumps]).max()
         np.testing.assert_allclose(np.asarray(shown)[~jumps], seen[~jumps], atol=limit)
 
 
-def test_slow_modulations_tell_the_mean():
+def test_long_wavelengths_give_the_mean():
     share, near_m, far_m = two_ranges()
     mean, slow = mean_of(share, near_m, far_m), sum_of_phases(share, near_m, far_m, 1e-6)
     for name in ("range_m", "by_share", "by_far", "by_near"):

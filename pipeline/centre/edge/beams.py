@@ -259,11 +259,11 @@ class Prior:
 
     @property
     def is_of_means(self) -> bool:
-        """Whether it is that of a scanner that tells the mean of all that returns."""
+        """Whether it is that of a scanner that measures the mean of all that returns."""
         return bool(self.weight[MODULATION] >= HELD_MODULATION**-2)
 
     def by_phase(self) -> Prior:
-        """Return the prior of a scanner that may add phases, instead of one that tells means."""
+        """Return the prior of a scanner that may add phases, instead of one that measures means."""
         return self._known_to(MODULATION_SIGMA, MODULATION)
 
     def of_chamfer(self, chamfer_m: float | None) -> Prior:

@@ -155,7 +155,7 @@ class EdgeProfile:
 
 @dataclass(frozen=True, eq=False)
 class Sum:
-    """Range (N,) that tells of two returns, and its derivatives by them, (N,) each.
+    """Measured range (N,) of two returns in one footprint, and its derivatives, (N,) each.
 
     share: of the farther one. by_share; by_far, by its range; by_near: by that of the nearer one,
     over its share; by_modulation.
@@ -176,11 +176,12 @@ def mean_of(share: Array, near_m: Array, far_m: Array) -> Sum:
 
 
 def sum_of_phases(share: Array, near_m: Array, far_m: Array, modulation: float) -> Sum:
-    """Return what a phase-shift scanner tells of two ranges (N,), of which the farther has a share.
+    """Return the range that a phase-shift scanner measures of two (N,); share: of the farther one.
 
     modulation: square of the phase per metre, 1/m^2, of the shortest modulation. Its vectors add;
-    longer ones, which add nearly as the ranges' mean, tell how many turns it made. Near 0, and
-    below it, by the third cumulant of both ranges.
+    longer ones, which add nearly as the ranges' mean, resolve its ambiguity. Near 0, and below it,
+    by the third cumulant of both ranges.
+    Source: Godbaz, Cree and Dorrington, Remote Sensing 4 (2012) 21.
     """
     b, a, D = share, 1.0 - share, far_m - near_m
     if modulation < LEAST_MODULATION:
@@ -199,15 +200,15 @@ def sum_of_phases(share: Array, near_m: Array, far_m: Array, modulation: float) 
     square = np.maximum(level**2 + upright**2, LEAST_LIGHT)
     mean = wave * b * D
     beyond = np.arctan2(upright, level) - mean
-    told_m = (mean + beyond - 2.0 * np.pi * np.rint(beyond / (2.0 * np.pi))) / wave
+    apart_m = (mean + beyond - 2.0 * np.pi * np.rint(beyond / (2.0 * np.pi))) / wave
     by_far = b * (b + a * cosine) / square
     return Sum(
-        range_m=near_m + told_m,
+        range_m=near_m + apart_m,
         share=b,
         by_share=sine / (wave * square),
         by_far=by_far,
         by_near=level / square,
-        by_modulation=(D * by_far - told_m) / (2.0 * modulation),
+        by_modulation=(D * by_far - apart_m) / (2.0 * modulation),
     )
 
 
@@ -259,13 +260,13 @@ def edge_profile(
     summed_m = b * on_bevel + o * on_wall + beside
     near_m = np.where(near > LEAST_LIGHT, summed_m, 0.0) / np.maximum(near, LEAST_LIGHT)
     if modulation is None:
-        told = mean_of(far / light, near_m, background_m)
+        measured = mean_of(far / light, near_m, background_m)
     else:
-        told = sum_of_phases(far / light, near_m, background_m, modulation)
+        measured = sum_of_phases(far / light, near_m, background_m, modulation)
     # By the sum of near depths, less by near light, and by far light.
-    by_sum = told.by_near / light
-    by_near = near_m * by_sum + told.by_share * told.share / light
-    by_far = told.by_share * (1.0 - told.share) / light
+    by_sum = measured.by_near / light
+    by_near = near_m * by_sum + measured.by_share * measured.share / light
+    by_far = measured.by_share * (1.0 - measured.share) / light
 
     def change(d_F: tuple[Array | float, ...], d_H: Array | float, d_M: Array | float) -> Array:
         """Return the depth's change with F_0, F_1, F_2, H and M, (N,) each."""
@@ -281,7 +282,7 @@ def edge_profile(
     d_x_1 = change((0.0, -f_1, -f_2), F_1, (F_2 - F_1) / width)
     tilted = (1.0 - b) * (x_m + c) * f_0 + (b - o) * x_1 * f_1 + (o - e) * (x_1 - width) * f_2
     return EdgeProfile(
-        depth_m=told.range_m,
+        depth_m=measured.range_m,
         d_x=change((f_0, f_1, f_2), F_0 - F_1, (F_1 - F_2) / width) - slant * tilted * by_sum,
         d_tau=d_width * (T - c),
         d_log_spot=change(
@@ -298,12 +299,12 @@ def edge_profile(
             (at[1].integral_by_shape - at[2].integral_by_shape) * (spot_m / width),
         ),
         background_share=F_2,
-        by_background=told.by_far,
+        by_background=measured.by_far,
         d_chamfer=change((f_0, 0.0, 0.0), F_0, 0.0)
         + seen * d_x_1
         - facing * d_width
         + (o * (F_1 - M) - b * F_1) * by_sum,
         d_lean=np.where(tau > HIDDEN, c * d_x_1 - b * H / run**2 * by_sum, 0.0),
         d_bevel=(on_bevel + m_1 - m_0) * by_sum - by_near * (F_0 - F_1),
-        d_modulation=told.by_modulation,
+        d_modulation=measured.by_modulation,
     )
