@@ -22,7 +22,7 @@ OF_MEDIAN = 0.4  # part of the degrees of freedom that a median of variances has
 WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Scatter:
     """Errors of indication of P points, L levels, D directions, n readings each.
 

@@ -33,7 +33,7 @@ PCL_PLANE, PCL_BOUND = (-0.8964, -0.5868, -1.208), 0.1  # (a, b, c) / d
 PCL_INLIERS, PCL_WITHIN_M = 2000, 0.03
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FittedPlane:
     """Plane through centroid_m (3,) with the unit normal (3,)."""
 

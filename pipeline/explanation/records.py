@@ -44,7 +44,7 @@ class ExplainedCandidate:
     region: Region | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ExplainedScan:
     """A scan, what became of it, and all that was looked at in it.
 

@@ -35,7 +35,7 @@ NOISE_M, NOISE_DOF = 0.3e-3, 3
 MARKS_M, MARKS_DOF = 1e-3, 6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Remainder:
     """Block without its suspect point, the one that contradicts the other four.
 
@@ -100,7 +100,7 @@ def check_blocks(
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Misfit:
     """Residuals of a block, or of four points of it, across its plane and about its pentagon.
 

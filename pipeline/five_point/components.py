@@ -16,7 +16,7 @@ ARCSEC = math.pi / 648_000
 SIGNIFICANCE = 0.01  # of the chi-square test of the residuals against the stated noise
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Station:
     """A total station: its file, and its position (3,) in the coordinates of the points."""
 

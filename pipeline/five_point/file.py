@@ -44,7 +44,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eEdD][+-]?\d+)?", re.ASCII)
 _SEPARATOR = re.compile(r"[ \t]*,[ \t]*|[ \t]+")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FivePointFile:
     """The blocks of one file: RR, RL, FR, FL, then the trials.
 

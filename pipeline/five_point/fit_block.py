@@ -19,7 +19,7 @@ MIN_LENGTH_M = 1e-3
 MIN_WIDTH_TO_LENGTH = 0.05
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class BlockFit:
     """The plane of one block by total least squares, in the coordinates of its points.
 

@@ -16,7 +16,7 @@ SIDES = 5
 KEPT = 0.6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Pentagon:
     """Regular pentagon fitted to points in a plane.
 

@@ -22,7 +22,7 @@ Variant = Literal["report", "matrix"]
 _REFERENCE_BLOCKS = {"report": [2, 3, 0, 1], "matrix": [0, 1, 2, 3]}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Tcgc2013Result:
     """Result of the software of 2013, for M blocks.
 

@@ -24,7 +24,7 @@ from .statistics.line_test import LinePoints, fit_shared_line
 from .statistics.power import CONFIDENCE, captures_needed, detectable_alone
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Agreement:
     """Agreement of one kind of angle over all captures; radians.
 
@@ -60,7 +60,7 @@ class Agreement:
         return captures_needed(size_rad, self.deviation * math.sqrt(dof / least))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Pairs:
     """Pairs of one kind, with uncertainties and covariance, subject and unit of each.
 

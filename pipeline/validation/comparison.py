@@ -22,7 +22,7 @@ KINDS = ("toe", "camber")
 SHAPE_DOUBT = 1e-3  # probability of the shape of the centres below which no agreement is stated
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Comparison:
     """Differences, first less second method, on n wheels and trials.
 
@@ -211,7 +211,7 @@ def _placed(targets: Sequence[UncertainTarget], before: int, after: int) -> list
 ALIKE = 0.05  # of track or wheelbase; two methods on one vehicle differ by less
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ComparedMethod:
     """Result of one method on n wheels; the first four are RR, RL, FR, FL.
 

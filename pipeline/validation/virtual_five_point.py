@@ -44,7 +44,7 @@ MISSED = 0.1  # of the pentagon's radius: largest distance of a point from its c
 SAMPLE = 1200  # points that represent the target where noise is correlated
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Picked:
     """Five points of a scan.
 

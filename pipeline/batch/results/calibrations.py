@@ -169,7 +169,7 @@ def _values(quantities: Sequence[dict[str, Any]]) -> dict[str, tuple[str, float,
     return found
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _History:
     """Values as they would have been without adjustments: common (N, N), their covariance by these.
 

@@ -18,7 +18,7 @@ from .query import ALL, Filter, chosen, known_quantity, quantity_units
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Series:
     """One quantity over the captures that have it, in the order of their keys.
 

@@ -93,7 +93,7 @@ def best_drawing(scan: ExplainedScan, words: Translations) -> Drawing | None:
     return Drawing(SIDE + 2 * LEFT, HEAD + SIDE + FOOT, title, marks)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Seen:
     """Area of the picture: axes (3, 3) of `_view`, lower left corner (2,) and size (2,), m."""
 

@@ -81,7 +81,7 @@ class Text:
     halo: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Raster:
     """Image centred at (x, y), rotated clockwise: pixels (m, n) index a palette (k, 3) of RGB."""
 

@@ -15,7 +15,7 @@ from .power import CONFIDENCE, detectable_alone, detectable_jointly
 RANK = 1e-9  # of the largest eigenvalue, below which a direction has no uncertainty of its own
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ErrorSource:
     """Source of uncertainty common to several inputs, with `dof` degrees of freedom.
 
@@ -57,7 +57,7 @@ class JointTest:
         return self.probability >= 1.0 - CONFIDENCE
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Spread:
     """Covariance (q, q) of q differences, its parts by source and their degrees of freedom."""
 

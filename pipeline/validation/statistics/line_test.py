@@ -17,7 +17,7 @@ from .line_fit import Line, fit_line
 COMMON = 60.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class LinePoints:
     """Points (N,) of two methods x and y, their variances and covariance, and dof of y - x.
 
@@ -33,7 +33,7 @@ class LinePoints:
     spreads: tuple[Spread, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Errors:
     """Moments of the residuals' sum S, and the covariance (2, 2) of the line in terms of B.
 
