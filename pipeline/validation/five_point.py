@@ -55,7 +55,7 @@ class FivePointOptions:
 
     @property
     def units(self) -> str:
-        """What to check where the centres of the file are not those of the vehicle."""
+        """Advice on what to check where the centres of the file are not those of the vehicle."""
         if self.coordinates == "spherical":
             return f"the angle unit (--angle-unit {self.angle_unit}), the length units"
         return (

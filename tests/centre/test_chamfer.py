@@ -6,13 +6,17 @@ degrees, by 7 of their standard uncertainties: it faces the scanner on one side 
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from tests.support.plates import found
 from tests.support.scenes import Setup, make
-from wheelplane.centre.edge.beams import CHAMFER, STATE
+from wheelplane.centre.edge import solution
+from wheelplane.centre.edge.beams import CHAMFER, MODULATION, STATE
 from wheelplane.centre.edge.solution import _without
 from wheelplane.centre.edge_centre import CHAMFER_SHARE
 from wheelplane.targets import parse_target
@@ -94,6 +98,21 @@ def test_no_chamfer_is_below_nothing(below):
     aside = np.eye(STATE) - np.outer(covariance[CHAMFER], np.eye(STATE)[CHAMFER]) / u**2
     np.testing.assert_allclose(aside @ left @ aside.T, aside @ covariance @ aside.T, atol=1e-20)
     np.testing.assert_allclose(aside @ (found_state - state), 0.0, atol=1e-12)
+
+
+def test_neither_a_chamfer_nor_a_modulation_below_nothing_hides_the_other(monkeypatch):
+    """Independent ones, each two standard deviations below 0: both lose the same share of u."""
+    u = np.full(STATE, 1e-4)
+    spread = np.diag(u**2), np.zeros((STATE, 3)), 20.0
+    monkeypatch.setattr(solution, "spread", lambda *_: spread)
+    state = np.zeros(STATE)
+    state[[CHAMFER, MODULATION]] = -2e-4
+    problem = SimpleNamespace(outline=None, few=False)
+    found = solution._estimates(state, None, problem, None)
+    left = math.sqrt(stats.truncnorm(2.0, np.inf, loc=-2.0).moment(2)) * 1e-4
+    assert found["chamfer_m"] == found["modulation"] == 0.0
+    assert found["chamfer_u_m"] == pytest.approx(left, rel=1e-6)
+    assert found["modulation_u"] == pytest.approx(left, rel=1e-6)
 
 
 def test_a_chamfer_wider_than_the_plate_is_refused():

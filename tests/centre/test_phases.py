@@ -31,7 +31,7 @@ def two_ranges(count=2000):
 
 @pytest.mark.parametrize("modulation", MODULATIONS)
 def test_vectors_add_as_complex_numbers(modulation):
-    """Of less than half a turn the argument needs no longer modulation."""
+    """The argument of less than half a turn needs no longer modulation."""
     share, near_m, far_m = two_ranges()
     wave = np.sqrt(modulation)
     vector = (1.0 - share) * np.exp(1j * wave * near_m) + share * np.exp(1j * wave * far_m)
@@ -118,7 +118,7 @@ def test_a_modulation_is_found_and_moves_no_centre(ambiguity_m, background_m):
 
 
 def test_as_means_they_would_move_it():
-    """What the law above rests on: without the phases centres lie beyond their uncertainty."""
+    """Without the phases, on which the law above rests, centres lie beyond their uncertainty."""
     off = [one.nees for one in results(0.6, 0.12, OF_MEANS)]
     assert np.mean(off) > 2.0 * stats.chi2.ppf(0.999, 2 * SEEDS) / SEEDS
     assert all(one.fitted.edge_fit.modulation == 0.0 for one in results(0.6, 0.12, OF_MEANS))

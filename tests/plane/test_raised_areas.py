@@ -66,7 +66,7 @@ def tilt_by_u(plane):
 
 @pytest.mark.parametrize("name", AREAS)
 def test_the_face_about_a_raised_area_lies_within_the_uncertainty(name):
-    """Of either sign; by the noise of the points alone the plane would be 4 u off and more."""
+    """By the noise of the points alone the plane would be 4 u off and more, with either sign."""
     target, inside = AREAS[name]
     found = []
     for seed, height_m in enumerate([2.5e-4, -2.5e-4, 4e-4, -4e-4]):

@@ -260,7 +260,7 @@ def one_return(mode, aside_m, scene, **more):
 
 @pytest.mark.parametrize("ambiguity_m", [0.2, 0.6])
 def test_phases_add_as_complex_numbers(ambiguity_m):
-    """Of two planes 50 mm apart, by the share of the farther one, which the mean range shows."""
+    """Two planes 50 mm apart, by the share of the farther one, which the mean range shows."""
     scene = half_planes((0.8, 0.4))
     at = {"range_gate_m": 0.0}
     mean_m = one_return("average", 0.1 * W_M, scene, **at).range_m

@@ -201,7 +201,7 @@ def _estimates(
     for which in (CHAMFER, MODULATION):
         if state[which] < 0.0:
             state, covariance, by_plane = _without(which, state, covariance, by_plane)
-            state[[CHAMFER, MODULATION]] = state[[CHAMFER, MODULATION]].clip(min=0.0)
+    chamfer_m, modulation = np.maximum(state[[CHAMFER, MODULATION]], 0.0).tolist()
     u = np.sqrt(np.diag(covariance))
     known: dict[str, Any] = {
         "centre_m": state[CENTRE],
@@ -218,9 +218,9 @@ def _estimates(
         "spot_shape": float(state[SHAPE]),
         "growth_m": float(state[GROWTH]),
         "growth_u_m": float(u[GROWTH]),
-        "chamfer_m": float(state[CHAMFER]),
+        "chamfer_m": chamfer_m,
         "chamfer_u_m": float(u[CHAMFER]),
-        "modulation": float(state[MODULATION]),
+        "modulation": modulation,
         "modulation_u": float(u[MODULATION]),
         "rotation_noise": covariance[ROTATION, [0, 1, ROTATION]],
         "rotation_by_plane": by_plane[ROTATION],
