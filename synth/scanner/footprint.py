@@ -11,37 +11,57 @@ from ..arrays import Array
 from ..parameters.parameters import Beam
 
 GOLDEN_RAD = np.pi * (3 - np.sqrt(5))
-GAUSSIAN_RAYS = 121
+GAUSSIAN_RAYS, FINE_RAYS, RIM_RAYS = 121, 500, 12
 
 
 def spot_pattern(beam: Beam) -> Array:
     """Return the points (K, 2) of the sub-rays in units of the spot's radius; all count alike."""
     if beam.spot_profile == "gaussian":
-        return _gaussian(beam.spot_truncation)
+        return _gaussian(beam.spot_truncation, GAUSSIAN_RAYS)
     return _uniform()
 
 
-def extent_m(beam: Beam, range_m: float) -> float:
-    """Return the largest distance of a sub-ray from the beam's axis at a range."""
-    radius_m = beam.spot_radius_m + 1e-3 * beam.spot_divergence_mrad * range_m
-    reach = 1.0
+def fine_pattern(beam: Beam) -> Array:
+    """Return the points (500, 2) of the sub-rays of a beam across an edge, as of a spot_pattern.
+
+    The power on one side of a straight edge is right to 0.25 % of the beam's, rms over its position
+    and direction: of 19 rays to 2.9 %, which at 80 mm between two surfaces is 2.4 mm of range.
+    """
     if beam.spot_profile == "gaussian":
-        reach = float(np.hypot(*spot_pattern(beam).T).max())
-    return radius_m * reach * max(1.0, beam.spot_aspect)
+        return _gaussian(beam.spot_truncation, FINE_RAYS)
+    return _disc(FINE_RAYS)
 
 
-def sub_rays(beam: Beam, directions: Array, numbers: npt.NDArray[np.int64]) -> tuple[Array, Array]:
+def rim_pattern(beam: Beam) -> Array:
+    """Return the corners (12, 2) of a polygon about the spot: an edge across it leaves one out."""
+    angle = 2 * np.pi * np.arange(RIM_RAYS) / RIM_RAYS
+    corner = _reach(beam) / np.cos(np.pi / RIM_RAYS)
+    return np.asarray(corner * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def extent_m(beam: Beam, range_m: float) -> float:
+    """Return the largest distance of the spot's power from the beam's axis at a range."""
+    radius_m = beam.spot_radius_m + 1e-3 * beam.spot_divergence_mrad * range_m
+    return radius_m * _reach(beam) * max(1.0, beam.spot_aspect)
+
+
+def _reach(beam: Beam) -> float:
+    return beam.spot_truncation if beam.spot_profile == "gaussian" else 1.0
+
+
+def sub_rays(
+    beam: Beam, directions: Array, numbers: npt.NDArray[np.int64], pattern: Array
+) -> tuple[Array, Array]:
     """Return origins and directions, both (N * K, 3), of the sub-rays of N beams.
 
-    Their pattern is rotated by the golden angle from beam to beam, so that its corners leave no
-    systematic effect on outlines. They diverge from the spot at the exit, so that the radius is
+    pattern: (K, 2). It is rotated by the golden angle from beam to beam, so that its corners leave
+    no systematic effect on outlines. They diverge from the spot at the exit, so that the radius is
     spot_radius_m + divergence * range, as data sheets state it.
     """
     level = np.cross([0.0, 0.0, 1.0], directions)
     level /= np.linalg.norm(level, axis=1, keepdims=True)
     upward = beam.spot_aspect * np.cross(directions, level)
     turn = GOLDEN_RAD * numbers[:, None]
-    pattern = spot_pattern(beam)
 
     def across(radius: float) -> Array:
         one = radius * (np.cos(turn) * level + np.sin(turn) * upward)
@@ -70,18 +90,33 @@ def _uniform() -> Array:
 
 
 @lru_cache
-def _gaussian(truncation: float) -> Array:
-    """Return points (121, 2) of the power density exp(-2 rho^2), cut at `truncation`.
+def _disc(count: int) -> Array:
+    """Return points (K, 2) in the unit disc: a sunflower spiral with the disc's second moments."""
+    return _with_moment(_sunflower(np.sqrt((np.arange(count) + 0.5) / count)), 1 / 4)
 
-    A sunflower spiral at equal steps of the enclosed power, 1 - exp(-2 rho^2) (Vogel, Math.
-    Biosci. 44 (1979) 179), with the density's own mean and second moments. The power on one side
-    of any straight edge is right to 0.8 % of the beam's, rms over its position and direction.
+
+@lru_cache
+def _gaussian(truncation: float, count: int) -> Array:
+    """Return points (K, 2) of the power density exp(-2 rho^2), cut at `truncation`.
+
+    A sunflower spiral at equal steps of the enclosed power, 1 - exp(-2 rho^2), with the density's
+    second moments. The power on one side of any straight edge is right to 0.8 % of the beam's of
+    121 points, rms over its position and direction.
     """
-    k = np.arange(GAUSSIAN_RAYS)
     lost = np.exp(-2 * truncation**2)
-    rho = np.sqrt(-np.log(1 - (k + 0.5) / GAUSSIAN_RAYS * (1 - lost)) / 2)
-    points = rho[:, None] * np.column_stack([np.cos(GOLDEN_RAD * k), np.sin(GOLDEN_RAD * k)])
-    points -= points.mean(axis=0)
+    power = (np.arange(count) + 0.5) / count * (1 - lost)
     moment = (1 - 2 * truncation**2 * lost / (1 - lost)) / 4
-    root = np.linalg.cholesky(points.T @ points / GAUSSIAN_RAYS)
+    return _with_moment(_sunflower(np.sqrt(-np.log(1 - power) / 2)), moment)
+
+
+def _sunflower(rho: Array) -> Array:
+    """Return points (K, 2) at these radii, each the golden angle on (Vogel, Math. Biosci. 44)."""
+    angle = GOLDEN_RAD * np.arange(len(rho))
+    return np.asarray(rho[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def _with_moment(points: Array, moment: float) -> Array:
+    """Return the points with mean 0 and this second moment along every axis."""
+    points = points - points.mean(axis=0)
+    root = np.linalg.cholesky(points.T @ points / len(points))
     return np.asarray(np.sqrt(moment) * points @ np.linalg.inv(root).T, dtype=np.float64)

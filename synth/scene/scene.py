@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Array
+from ..arrays import Array, Mask
 from ..parameters.parameters import Body, Surfaces
 from ..parameters.plate_file import TargetFile
 from ..vehicle.vehicle import FORWARD, UP, Vehicle, Wheel
@@ -51,8 +51,8 @@ class Scene:
     vertices_m (V, 3), faces (F, 3); each facet's plane normal . x = offset with a unit normal
     (F, 3) and offset_m (F,); surface (F,) numbers smooth surfaces; reflectance (F,); target (F,)
     is the number of the target whose measured face it belongs to, or -1. The plane of such a facet
-    is the target's, not that of its corners; the form of the target is added to it. optics: None
-    where all surfaces return light alike.
+    is the target's, not that of its corners; the form of the target is added to it. plate (F,): it
+    belongs to a target's plate. optics: None where all surfaces return light alike.
     """
 
     vertices_m: Array
@@ -62,6 +62,7 @@ class Scene:
     surface: npt.NDArray[np.int64]
     reflectance: Array
     target: npt.NDArray[np.int64]
+    plate: Mask
     targets: tuple[PlacedTarget, ...] = ()
     optics: Optics | None = None
 
@@ -148,8 +149,10 @@ def seen_from(
         normal = target.T_station_target[:3, 2]
         normals[number == k] = normal
         offsets[number == k] = normal @ target.T_station_target[:3, 3]
+    facets = [len(solid.faces) for solid in solids]
+    plate = np.repeat([bool(solid.front.any()) for solid in solids], facets)
     return Scene(
-        vertices, whole.faces, normals, offsets, whole.surface, reflectance, number, targets
+        vertices, whole.faces, normals, offsets, whole.surface, reflectance, number, plate, targets
     )
 
 

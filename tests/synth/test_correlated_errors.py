@@ -20,7 +20,7 @@ def wall() -> Scene:
     corners = np.array([[2.5, -1, -1], [2.5, 1, -1], [2.5, 1, 1], [2.5, -1, 1]])
     faces, both = np.array([[0, 1, 2], [0, 2, 3]]), np.zeros(2, dtype=np.int64)
     plane = np.tile([1.0, 0, 0], (2, 1))
-    return Scene(corners, faces, plane, both + 2.5, both, both + 0.5, both - 1)
+    return Scene(corners, faces, plane, both + 2.5, both, both + 0.5, both - 1, both > 0)
 
 
 def errors_m(seed=1, **values):
