@@ -3,7 +3,8 @@
 .venv/bin/python -m tests.bench.bounds [--noise-mm 0.2] [--pointing-mm 0.05]
 250 mm disc, 10 mm thick, 80 mm before a background, 15 degrees of incidence;
 footprint of 1.5 mm. Mixed pixels: nuisances are plane, beams, footprint and its profile, thickness
-(known to 3 %), brightness of the wall (2), brightness and depth of the background by 24 sectors.
+(known to 3 %), brightness of the wall (2), chamfer (0 +- 0.3 mm), modulation of a phase-shift
+scanner (0 +- 100 1/m^2), brightness and depth of the background by 24 sectors.
 Clean edges: which side of the edge each beam fell on; nuisances are the beams, the edge's shift all
 round, and the wall's width. Squares are left out: their bound for mixed pixels came out wrong.
 """
@@ -23,20 +24,38 @@ BEAM = np.array([np.tan(np.radians(15.0)), 0.0])
 REACH_M = 0.02  # about the edge
 QUADRATURE = 101
 # Centre u v, rotation, plane (3), beam u v, 1/distance, log footprint, profile, log thickness,
-# wall (2), then brightness and depth of the background by sector.
+# wall (2), chamfer, modulation, then brightness and depth of the background by sector.
 CENTRE, ROTATION, PLANE, BEAMS, INVERSE, SPOT, PROFILE, THICKNESS = (
     slice(0, 2), 2, slice(3, 6), slice(6, 8), 8, 9, 10, 11,
 )  # fmt: skip
-WALL, LIGHT, DEPTH = slice(12, 14), slice(14, 14 + SECTORS), slice(14 + SECTORS, 14 + 2 * SECTORS)
+WALL, CHAMFER, MODULATION, COMMON = slice(12, 14), 14, 15, 16
+LIGHT, DEPTH = slice(COMMON, COMMON + SECTORS), slice(COMMON + SECTORS, COMMON + 2 * SECTORS)
 LOGS = np.log([SPOT_M, THICKNESS_M, RATIO])
 TRUTH = np.array(
-    [*np.zeros(6), *BEAM, 1.0 / DISTANCE_M, LOGS[0], 0.5, LOGS[1], 0.0, 1.0]
+    [*np.zeros(6), *BEAM, 1.0 / DISTANCE_M, LOGS[0], 0.5, LOGS[1], 0.0, 1.0, 0.0, 0.0]
     + [LOGS[2]] * SECTORS
     + [BACKGROUND_M] * SECTORS
 )
 THICKNESS_SIGMA = 0.03
 KNOWN = np.array(
-    [1.0, 1.0, 0.1, 1.0, 1.0, 1.0, 3.0, 3.0, 0.3, 0.7, 0.5, THICKNESS_SIGMA, 0.5, 0.5]
+    [
+        1.0,
+        1.0,
+        0.1,
+        1.0,
+        1.0,
+        1.0,
+        3.0,
+        3.0,
+        0.3,
+        0.7,
+        0.5,
+        THICKNESS_SIGMA,
+        0.5,
+        0.5,
+        0.0003,
+        100.0,
+    ]
     + [2.0] * SECTORS
     + [0.02] * SECTORS
 )  # standard uncertainty beforehand
@@ -79,28 +98,48 @@ def density(u: Array, share: float) -> Array:
 def depths(places: Array, at_depth: Array, state: Array, edge: Edge) -> Array:
     """Mean depth (N,) over the footprint by strips, of beams that were seen at `at_depth`."""
     x, normal = met(places, at_depth, state, edge)
-    tau = np.maximum(-normal @ state[BEAMS], 0.0)
+    tilt = -normal @ state[BEAMS]
+    tau = np.maximum(tilt, 0.0)
     sector = np.arctan2(places[:, 1], places[:, 0]) / (2.0 * np.pi) % 1.0 * SECTORS
     sector = sector.astype(int) % SECTORS
     u = np.linspace(-2.0, 2.0, QUADRATURE)
     strip = density(u, state[PROFILE])
     there = x[:, None] + np.exp(state[SPOT]) * u
-    width = np.exp(state[THICKNESS]) * tau
-    on_wall = np.clip(there / np.maximum(width, 1e-9)[:, None], 0.0, 1.0)
+    width = (np.exp(state[THICKNESS]) * tau)[:, None]
+    chamfer_m = state[CHAMFER]
+    on_wall = np.clip(there / np.maximum(width, 1e-9), 0.0, 1.0)
     soft = np.exp(state[SPOT]) * (u[1] - u[0])  # one strip: derivatives need no steps
-    past_face = np.clip(there / soft + 0.5, 0.0, 1.0)
-    past_wall = np.clip((there - width[:, None]) / soft + 0.5, 0.0, 1.0)
+
+    def past(edge_m: Array | float) -> Array:
+        return np.clip((there - edge_m) / soft + 0.5, 0.0, 1.0)
+
+    off_face, off_chamfer, off_plate = past(-chamfer_m), past(chamfer_m * tau[:, None]), past(width)
     wall = (state[WALL][0] + state[WALL][1] * tau)[:, None]
-    light = strip * (
-        1.0
-        - past_face
-        + wall * (past_face - past_wall)
-        + np.exp(state[LIGHT][sector])[:, None] * past_wall
+    bevel = ((1.0 + tilt) / np.sqrt(2.0))[:, None]  # by Lambert's law
+    light = strip * np.stack(
+        [
+            1.0 - off_face,
+            bevel * (off_face - off_chamfer),
+            wall * (off_chamfer - off_plate),
+            np.exp(state[LIGHT][sector])[:, None] * off_plate,
+        ]
     )
-    deep = on_wall * np.exp(state[THICKNESS]) * (1.0 - past_wall)
-    deep = deep + past_wall * state[DEPTH][sector][:, None]
+    zero = np.zeros_like(there)
+    on_chamfer = np.clip((there + chamfer_m) / (1.0 + tau[:, None]), 0.0, max(chamfer_m, 0.0))
+    deep = np.stack(
+        [
+            zero,
+            on_chamfer,
+            on_wall * np.exp(state[THICKNESS]),
+            zero + state[DEPTH][sector][:, None],
+        ]
+    )
     lift = state[PLANE][0] + places @ state[PLANE][1:]
-    return np.asarray(np.sum(light * deep, axis=1) / np.sum(light, axis=1) + lift)
+    total = np.sum(light, axis=(0, 2))
+    mean = np.sum(light * deep, axis=(0, 2)) / total
+    third = np.sum(light * (deep - mean[None, :, None]) ** 3, axis=(0, 2)) / total
+    # to the first order of the modulation, of the phase of a sum of vectors
+    return np.asarray(mean - state[MODULATION] * third / 6.0 + lift)
 
 
 def mixed_bound_m(count: int, edge: Edge, noise_m: float, pointing_m: float) -> float:
@@ -111,7 +150,7 @@ def mixed_bound_m(count: int, edge: Edge, noise_m: float, pointing_m: float) -> 
     columns = []
     for index in range(len(TRUTH)):
         step = np.zeros(len(TRUTH))
-        step[index] = 2e-6 if index < 2 else 1e-4
+        step[index] = 2e-6 if index in (0, 1, CHAMFER) else 1e-4
         ahead, behind = (depths(places, seen, TRUTH + s, edge) for s in (step, -step))
         columns.append((ahead - behind) / (2.0 * step[index]))
     slopes = np.stack(columns, axis=1)

@@ -39,6 +39,7 @@ LEVEL = 0.95
 RATIO, INSIDE = (0.8, 1.25), (0.92, 0.985)  # wanted of rms error over rms u, and of the shares
 SHARED = 3  # times as many captures where scans share errors
 SEEDS = 10_000  # of a case
+MOST_CHAMFER_M = 0.0003  # of a plate that was deburred
 BEYOND_M = 0.02  # the target, of the narrowest window
 Values = dict[str, Any]
 
@@ -100,14 +101,16 @@ INCIDENCE: Values = {
 class Case:
     """One kind of physics: a scanner's file, and the values that replace its own.
 
-    flatness_m, chamfer_m: of the target. merged: each wheel is scanned from two stations, in one
-    file. step_m: to which coordinates are rounded. spaced_m: to which distance points are thinned.
+    flatness_m, chamfer_m: of the target; None of a plate whose chamfer is drawn for each vehicle,
+    from 0 to MOST_CHAMFER_M, and not of squares, which have none. merged: each wheel is scanned
+    from two stations, in one file. step_m: to which coordinates are rounded. spaced_m: to which
+    distance points are thinned.
     """
 
     values: Values = field(default_factory=dict)
     base: str = "default"
     flatness_m: float = 0.0
-    chamfer_m: float = 0.0
+    chamfer_m: float | None = None
     merged: bool = False
     step_m: float = 0.0
     spaced_m: float = 0.0
@@ -117,7 +120,7 @@ class Case:
         """Whether a file can state its errors."""
         shipped = self.base in ("phase-shift", "structured-light")
         stated = any(key.startswith("instrument.") for key in self.values)
-        return shipped or stated or self.flatness_m > 0.0 or self.chamfer_m > 0.0
+        return shipped or stated or self.flatness_m > 0.0 or self.chamfer_m is not None
 
 
 CASES: dict[str, Case] = {
@@ -213,11 +216,14 @@ def scanner_file(folder: Path, values: Values, base: str = "default") -> Path:
     return file
 
 
-def target_file(folder: Path, target: str, case: Case) -> Path:
+def target_file(folder: Path, target: str, case: Case, seed: int) -> Path:
     """Write a shipped target's file with the flatness and the chamfer of a case."""
     file = folder / "target.toml"
     text = config_file("targets", target).read_text()
-    own = {"flatness": case.flatness_m, "chamfer": case.chamfer_m}
+    chamfer_m = case.chamfer_m
+    if chamfer_m is None and 'shape = "square"' not in text:
+        chamfer_m = float(np.random.default_rng(seed).uniform(0.0, MOST_CHAMFER_M))
+    own = {"flatness": case.flatness_m, "chamfer": chamfer_m}
     file.write_text(text + "".join(f"{key} = {value}\n" for key, value in own.items() if value))
     return file
 
@@ -232,7 +238,7 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
             Path(scratch) / "capture",
             scanner_file(Path(scratch), case.values | _window(case, target), case.base),
         )
-        face = target_file(Path(scratch), target, case)
+        face = target_file(Path(scratch), target, case, seed)
         _capture(folder, seed, file, face)
         if case.merged:
             place: Values = {"station.incidence_deg": [25.0, 40.0], "grid.spacing_m": 0.0023}
