@@ -25,7 +25,9 @@ from tests.bench.physics import (
     PLAIN,
     QUIET,
     RETURNS,
+    Case,
     Values,
+    made_target,
     scanner_file,
 )
 from wheelplane.centre import locate_centre
@@ -81,7 +83,7 @@ def rows(seed: int, base: str, values: Values, target_name: str) -> Iterator[Row
             seed=seed,
             vehicle=config_file("vehicles", "saloon"),
             scanner=scanner_file(Path(scratch), values, base),
-            target=config_file("targets", target_name),
+            target=made_target(Path(scratch), target_name, Case(), seed),
             trials=0,
         )
         truth = json.loads((folder / "truth.json").read_text())

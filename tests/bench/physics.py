@@ -39,7 +39,9 @@ LEVEL = 0.95
 RATIO, INSIDE = (0.8, 1.25), (0.92, 0.985)  # wanted of rms error over rms u, and of the shares
 SHARED = 3  # times as many captures where scans share errors
 SEEDS = 10_000  # of a case
-MOST_CHAMFER_M = 0.0003  # of a plate that was deburred
+# Of a plate: standard deviations of a radius or half a side, and of the thickness, relative, both
+# cut at two; width of the chamfer that deburring leaves, uniform from 0 to it.
+SIZE_M, THICKNESS, MOST_CHAMFER_M = 0.0001, 0.03, 0.0003
 BEYOND_M = 0.02  # the target, of the narrowest window
 Values = dict[str, Any]
 
@@ -101,10 +103,9 @@ INCIDENCE: Values = {
 class Case:
     """One kind of physics: a scanner's file, and the values that replace its own.
 
-    flatness_m, chamfer_m: of the target; None of a plate whose chamfer is drawn for each vehicle,
-    from 0 to MOST_CHAMFER_M, and not of squares, which have none. merged: each wheel is scanned
-    from two stations, in one file. step_m: to which coordinates are rounded. spaced_m: to which
-    distance points are thinned.
+    flatness_m, chamfer_m: of the target; a chamfer of None is drawn for each vehicle, see
+    `made_target`. merged: each wheel is scanned from two stations, in one file. step_m: to which
+    coordinates are rounded. spaced_m: to which distance points are thinned.
     """
 
     values: Values = field(default_factory=dict)
@@ -216,15 +217,37 @@ def scanner_file(folder: Path, values: Values, base: str = "default") -> Path:
     return file
 
 
-def target_file(folder: Path, target: str, case: Case, seed: int) -> Path:
+def stated_target(folder: Path, target: str, case: Case) -> Path:
     """Write a shipped target's file with the flatness and the chamfer of a case."""
-    file = folder / "target.toml"
-    text = config_file("targets", target).read_text()
-    chamfer_m = case.chamfer_m
-    if chamfer_m is None and 'shape = "square"' not in text:
-        chamfer_m = float(np.random.default_rng(seed).uniform(0.0, MOST_CHAMFER_M))
-    own = {"flatness": case.flatness_m, "chamfer": chamfer_m}
-    file.write_text(text + "".join(f"{key} = {value}\n" for key, value in own.items() if value))
+    own = {"flatness": case.flatness_m or None, "chamfer": case.chamfer_m}
+    return _target_file(folder / "stated.toml", tomllib.loads(_shipped(target)) | own)
+
+
+def made_target(folder: Path, target: str, case: Case, seed: int) -> Path:
+    """Write the file of a target as it was made: its sizes are the stated ones to SIZE_M.
+
+    Its chamfer is that of the case, or drawn; squares have none.
+    """
+    plate = tomllib.loads(_shipped(target))
+    rng = np.random.default_rng(seed)
+    for key in ("diameter", "side", "width", "height"):
+        if key in plate and plate["shape"] != "pattern":
+            plate[key] += 2.0 * SIZE_M * float(np.clip(rng.standard_normal(), -2.0, 2.0))
+    plate["thickness"] *= 1.0 + THICKNESS * float(np.clip(rng.standard_normal(), -2.0, 2.0))
+    chamfer_m = float(rng.uniform(0.0, MOST_CHAMFER_M))
+    if plate["shape"] == "square":
+        chamfer_m = 0.0
+    plate["chamfer"] = chamfer_m if case.chamfer_m is None else case.chamfer_m
+    return _target_file(folder / "target.toml", plate | {"flatness": case.flatness_m or None})
+
+
+def _shipped(target: str) -> str:
+    return config_file("targets", target).read_text()
+
+
+def _target_file(file: Path, plate: Values) -> Path:
+    rows = [f"{key} = {json.dumps(v)}" for key, v in plate.items() if v is not None and v != 0.0]
+    file.write_text("\n".join(rows) + "\n")
     return file
 
 
@@ -238,7 +261,7 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
             Path(scratch) / "capture",
             scanner_file(Path(scratch), case.values | _window(case, target), case.base),
         )
-        face = target_file(Path(scratch), target, case, seed)
+        face = made_target(Path(scratch), target, case, seed)
         _capture(folder, seed, file, face)
         if case.merged:
             place: Values = {"station.incidence_deg": [25.0, 40.0], "grid.spacing_m": 0.0023}
@@ -257,7 +280,8 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
         found = {}
         for stated in (False, True) if case.is_stated else (False,):
             config = with_scanner(Config(), str(file) if stated else None)
-            with open_capture(folder, None if stated else target) as capture:
+            stated_file = str(stated_target(Path(scratch), target, case)) if stated else target
+            with open_capture(folder, stated_file) as capture:
                 found[stated] = _rows(measure_capture(capture, config), truth)
     return found
 
