@@ -16,7 +16,7 @@ from scipy import stats
 from tests.support.plates import found
 from tests.support.scenes import Setup, make
 from wheelplane.centre.edge import solution
-from wheelplane.centre.edge.beams import CHAMFER, MODULATION, STATE
+from wheelplane.centre.edge.beams import CHAMFER, CHAMFER_M, MODULATION, STATE
 from wheelplane.centre.edge.solution import _without
 from wheelplane.centre.edge_centre import CHAMFER_SHARE
 from wheelplane.targets import parse_target
@@ -77,7 +77,7 @@ def test_a_smaller_plate_is_no_chamfer():
         found(make(Setup(radius_m=0.1235, noise_m=2e-4), 0), DISC, 0)
 
 
-@pytest.mark.parametrize("below", [0.0, 0.7, 2.0, 6.0, 90.0])
+@pytest.mark.parametrize("below", [0.0, 0.3, 0.7, 1.0])
 def test_no_chamfer_is_below_nothing(below):
     """A normal distribution, of which only what is above 0 is left: its mean square about 0."""
     rng = np.random.default_rng(3)
@@ -87,32 +87,73 @@ def test_no_chamfer_is_below_nothing(below):
     state = rng.normal(size=STATE)
     state[CHAMFER] = -below * u
     by_plane = rng.normal(size=(STATE, 3))
-    found_state, left, moved = _without(CHAMFER, state, covariance, by_plane)
+    way = covariance[CHAMFER] / u**2
+    found_state, left, moved = _without(CHAMFER, way, state, covariance, by_plane)
     assert found_state[CHAMFER] == pytest.approx(0.0, abs=1e-18)
-    assert 0.0 < left[CHAMFER, CHAMFER] < 1.000001 * u**2
-    if below < 10.0:
-        above = stats.truncnorm(below, np.inf, loc=-below)
-        assert left[CHAMFER, CHAMFER] == pytest.approx(above.moment(2) * u**2, rel=1e-6)
+    above = stats.truncnorm(below, np.inf, loc=-below)
+    assert left[CHAMFER, CHAMFER] == pytest.approx(above.moment(2) * u**2, rel=1e-6)
     np.testing.assert_allclose(moved[CHAMFER], 0.0, atol=1e-12)
     # What does not go with the chamfer is as certain as it was.
-    aside = np.eye(STATE) - np.outer(covariance[CHAMFER], np.eye(STATE)[CHAMFER]) / u**2
+    aside = np.eye(STATE) - np.outer(way, np.eye(STATE)[CHAMFER])
     np.testing.assert_allclose(aside @ left @ aside.T, aside @ covariance @ aside.T, atol=1e-20)
     np.testing.assert_allclose(aside @ (found_state - state), 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("u_m", [1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("below", [2.0, 6.0, 90.0, 1e4])
+def test_a_chamfer_far_below_nothing_contradicts_its_uncertainty(below, u_m):
+    """It is `below` times as large then, up to what is known beforehand."""
+    covariance = np.diag(np.full(STATE, u_m**2))
+    state = np.zeros(STATE)
+    state[CHAMFER] = -below * u_m
+    way = np.eye(STATE)[CHAMFER]
+    _, left, _ = _without(CHAMFER, way, state, covariance, np.zeros((STATE, 3)))
+    wider_m = max(min(below**2 * u_m, CHAMFER_M), u_m)
+    at = below * u_m / wider_m
+    if at < 10.0:
+        above = stats.truncnorm(at, np.inf, loc=-at)
+        assert left[CHAMFER, CHAMFER] == pytest.approx(above.moment(2) * wider_m**2, rel=1e-4)
+    else:
+        assert 0.0 < left[CHAMFER, CHAMFER] < 2.0 * (wider_m / at) ** 2 * 1.01
+    others = np.delete(np.diag(left), CHAMFER)
+    np.testing.assert_allclose(others, u_m**2)
+
+
 def test_neither_a_chamfer_nor_a_modulation_below_nothing_hides_the_other(monkeypatch):
-    """Independent ones, each two standard deviations below 0: both lose the same share of u."""
+    """Independent ones, each one standard deviation below 0: both lose the same share of u."""
     u = np.full(STATE, 1e-4)
     spread = np.diag(u**2), np.zeros((STATE, 3)), 20.0
     monkeypatch.setattr(solution, "spread", lambda *_: spread)
+    monkeypatch.setattr(solution, "along", lambda _linear, _prior, which: np.eye(STATE)[which])
     state = np.zeros(STATE)
-    state[[CHAMFER, MODULATION]] = -2e-4
+    state[[CHAMFER, MODULATION]] = -1e-4
     problem = SimpleNamespace(outline=None, few=False)
     found = solution._estimates(state, None, problem, None)
-    left = math.sqrt(stats.truncnorm(2.0, np.inf, loc=-2.0).moment(2)) * 1e-4
+    left = math.sqrt(stats.truncnorm(1.0, np.inf, loc=-1.0).moment(2)) * 1e-4
     assert found["chamfer_m"] == found["modulation"] == 0.0
     assert found["chamfer_u_m"] == pytest.approx(left, rel=1e-6)
     assert found["modulation_u"] == pytest.approx(left, rel=1e-6)
+
+
+def test_where_one_is_held_the_other_moves_with_it_alone(monkeypatch):
+    """Both below 0, and dependent: held at 0 together, as the normal equations solve them."""
+    rng = np.random.default_rng(5)
+    root = rng.normal(size=(STATE, STATE))
+    inverse = root @ root.T * 1e-8
+    monkeypatch.setattr(solution, "spread", lambda *_: (inverse, np.zeros((STATE, 3)), 20.0))
+    way = {k: inverse[k] / inverse[k, k] for k in (CHAMFER, MODULATION)}
+    monkeypatch.setattr(solution, "along", lambda _linear, _prior, which: way[which])
+    state = rng.normal(size=STATE) * 1e-4
+    both = [CHAMFER, MODULATION]
+    state[both] = -3e-4
+    # below 0 still after the other is held
+    state[MODULATION] += min(way[CHAMFER][MODULATION], 0.0) * 3e-4
+    found = solution._estimates(state, None, SimpleNamespace(outline=None, few=False), None)
+    together = state - inverse[:, both] @ np.linalg.solve(inverse[np.ix_(both, both)], state[both])
+    if (state - way[CHAMFER] * state[CHAMFER])[MODULATION] < 0.0:
+        np.testing.assert_allclose(found["centre_m"], together[:2], atol=1e-15)
+    else:
+        raise AssertionError("the scene shows nothing")
 
 
 def test_a_chamfer_wider_than_the_plate_is_refused():

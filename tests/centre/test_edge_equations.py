@@ -100,9 +100,9 @@ def test_sectors_off_on_one_side_or_with_outliers_are_uneven(sign):
     off = [z for z, _ in cases] + [np.zeros(some)] * (UNEVEN_SECTORS - len(cases))
     expected = [uneven for _, uneven in cases] + [False] * (UNEVEN_SECTORS - len(cases))
     for variance in (1e-8, 1.0):
-        np.testing.assert_array_equal(of_sectors(off, variance).uneven, expected)
+        np.testing.assert_array_equal(of_sectors(off, variance).uneven(), expected)
     held = replace(of_sectors(off), slopes=np.zeros((sum(map(len, off)), STATES)))
-    assert not held.uneven.any()  # points that depend on nothing show nothing
+    assert not held.uneven().any()  # points that depend on nothing show nothing
 
 
 @pytest.mark.parametrize("size", [0.003, 20.0])

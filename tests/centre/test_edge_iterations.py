@@ -433,7 +433,7 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
         weights.append(problem.prior.weight[GROWTH])
         name = "first" if len(weights) == 1 else "stated"
         linear = SimpleNamespace(
-            weight=np.array([0.0, 4.0, 4.0]), residual_m=np.ones(3), uneven=NONE_UNEVEN
+            weight=np.array([0.0, 4.0, 4.0]), residual_m=np.ones(3), uneven=lambda *_: NONE_UNEVEN
         )
         zones = Zones.free() if freed and name == "stated" else Zones.alike()
         return Solution(states[name], zones, None, linear, 5, 0.0)
@@ -512,7 +512,7 @@ def test_sectors_that_contradict_their_background_are_left_out(
         state = state_of()
         state[0] += u_m
         rows = {"weight": np.ones(4), "residual_m": np.full(4, square**0.5)}
-        linear = SimpleNamespace(**rows, uneven=flagged, name=name)
+        linear = SimpleNamespace(**rows, uneven=lambda *_: flagged, name=name)
         return Solution(state, Zones.alike(), None, linear, 5, 0.0)
 
     def by_backgrounds(problem, state, most):
@@ -542,7 +542,7 @@ def test_sectors_left_out_before_stay_so(monkeypatch, found):
     def solved(problem, *args):
         uneven = NONE_UNEVEN.copy()
         uneven[next(flags)] = True
-        linear = SimpleNamespace(weight=np.ones(4), residual_m=np.ones(4), uneven=uneven)
+        linear = SimpleNamespace(weight=np.ones(4), residual_m=np.ones(4), uneven=lambda *_: uneven)
         return Solution(state_of(), Zones.alike(), None, linear, 5, 0.0)
 
     monkeypatch.setattr(mixed_fit, "_by_backgrounds", solved)

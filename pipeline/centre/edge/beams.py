@@ -257,6 +257,11 @@ class Prior:
         """Return the prior of an edge that may have a chamfer, instead of a sharp one."""
         return self._known_to(CHAMFER_M, CHAMFER)
 
+    def of_held_chamfer(self, chamfer_m: float) -> Prior:
+        """Return the prior with a chamfer that is held at that width, and a held modulation."""
+        held = self.of_chamfer(chamfer_m)._known_to(HELD_SIZE_M, CHAMFER)
+        return held._known_to(HELD_MODULATION, MODULATION)
+
     @property
     def is_of_means(self) -> bool:
         """Whether it is that of a scanner that measures the mean of all that returns."""

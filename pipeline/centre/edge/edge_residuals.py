@@ -195,12 +195,12 @@ class Equations:
         total = float(np.sum(np.log1p(-np.minimum(quarter, MOST_QUARTER))))
         return -2.0 * total / max(int(np.count_nonzero(self.weight)), 1)
 
-    @property
-    def uneven(self) -> Mask:
-        """Sectors (UNEVEN_SECTORS,) whose points contradict the background.
+    def uneven(self, mean: float = UNEVEN_MEAN) -> Mask:
+        """Return the sectors (UNEVEN_SECTORS,) whose points contradict the background.
 
-        With q = z^2 / 16 of residuals z over their standard uncertainties, Tukey's influence has
-        the slope (1 - 5 q) / (1 - q) of its weight, which gives q again.
+        mean: of residuals over their standard uncertainties, from which they do. With q = z^2 / 16
+        of residuals z over their standard uncertainties, Tukey's influence has the slope
+        (1 - 5 q) / (1 - q) of its weight, which gives q again.
         """
         shown, count = self.shown, UNEVEN_SECTORS
         kept = shown.weight > 0.0
@@ -208,7 +208,7 @@ class Equations:
         z = 4.0 * np.sign(shown.residual_m) * np.sqrt((1.0 - ratio).clip(min=0.0) / (5.0 - ratio))
         part = sector(shown.share, count)
         points, left = np.bincount(part, minlength=count), np.bincount(part, kept, count)
-        aside = np.abs(np.bincount(part, z, count)) > UNEVEN_MEAN * left
+        aside = np.abs(np.bincount(part, z, count)) > mean * left
         outside = points - left > UNEVEN_SHARE * points
         return np.asarray((points >= LEAST_UNEVEN) & (aside | outside))
 
@@ -390,9 +390,7 @@ def spread(
     Source: Huber, Robust Statistics (1981) 6.3; Liang and Zeger, Biometrika 73 (1986) 13.
     """
     weight = linear.weight
-    slopes, known = linear.eliminated(*linear.by_zone(weight), prior)
-    information = (slopes.T * weight) @ slopes + known
-    inverse = _inverse((slopes.T * linear.change) @ slopes + known, information)
+    slopes, known, information, inverse = _solved(linear, prior)
     lift = np.column_stack([np.ones(len(weight)), linear.q_m]) * linear.by_height[:, None]
     by_plane = inverse @ ((slopes.T * linear.change) @ lift)
     part = sector(linear.share, SECTORS)
@@ -404,6 +402,20 @@ def spread(
     else:
         squares = known + _squares(linear, slopes, part, information)
     return inverse @ squares @ inverse, by_plane, dof
+
+
+def along(linear: Equations, prior: Prior, which: int) -> Array:
+    """Return by how much the state (14,) moves where one parameter is held, per its distance."""
+    column = _solved(linear, prior)[3][which]
+    return np.asarray(column / column[which])
+
+
+def _solved(linear: Equations, prior: Prior) -> tuple[Array, Array, Array, Array]:
+    """Return slopes without the zones' ratios, what is known before, information and A^-1."""
+    slopes, known = linear.eliminated(*linear.by_zone(linear.weight), prior)
+    information = (slopes.T * linear.weight) @ slopes + known
+    inverse = _inverse((slopes.T * linear.change) @ slopes + known, information)
+    return slopes, known, information, inverse
 
 
 def stretched(

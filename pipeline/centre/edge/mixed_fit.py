@@ -29,7 +29,16 @@ from .beams import (
     Background,
     Prior,
 )
-from .edge_residuals import UNEVEN_SECTORS, ZONES, EdgeProblem, Zones, equations, step, zone_scatter
+from .edge_residuals import (
+    ALIKE_LOG,
+    UNEVEN_SECTORS,
+    ZONES,
+    EdgeProblem,
+    Zones,
+    equations,
+    step,
+    zone_scatter,
+)
 from .few_points import likeliest
 from .solution import (
     AS_MUCH,
@@ -50,6 +59,7 @@ from .solution import (
 # points that show it there.
 DIFFERENT, SURELY, CLEARLY = 0.1, 0.2, 4000
 CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move that starts anew
+EVENED, SLIGHTLY_UNEVEN = 5, 0.4  # times; mean residual, over u, of sectors that contradict it
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST, LEAST_COVERED = 24, 0.25  # points about an edge; share of it with a background
 MOST_OF_FEW = 20  # iterations of each fit to few points
@@ -68,6 +78,7 @@ TENSE, MOST_TENSE = 2.0, 6.0
 LIKELY = 3.0  # standard deviations of a size that may be so
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 3e-3  # that an edge may seem to have, and may have
+LEAST_SHARP_M = -3e-5  # that a sharp edge may seem to have
 BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
@@ -260,14 +271,18 @@ def _freed(
 def _bevelled(problem: EdgeProblem, sharp: Solution, most: int) -> Solution:
     """Return the solution with a chamfer; from a wide one where it would be none.
 
-    A narrower plate with a thicker wall explains an edge nearly as well as a chamfer.
+    A narrower plate with a thicker wall explains an edge nearly as well as a chamfer, and where the
+    background has a step close to the edge, the sectors that show it may lead there: a wide chamfer
+    is held first, so that they are known by their contradiction.
     """
     found = _near(problem, sharp, most)
-    if found.state[CHAMFER] > LEAST_CHAMFER_M:
+    if found.state[CHAMFER] > LEAST_SHARP_M:
         return found
     wide = sharp.state.copy()
     wide[CHAMFER] = CHAMFER_M
-    return _near(problem, replace(sharp, state=wide), most)
+    held = replace(problem, prior=problem.prior.of_held_chamfer(CHAMFER_M))
+    other = _again(problem, _again(held, replace(sharp, state=wide), most), most)
+    return other if other.state[CHAMFER] > 0.0 and not explains_less(other, found) else found
 
 
 def _near(problem: EdgeProblem, found: Solution, most: int) -> Solution:
@@ -312,8 +327,12 @@ def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem
     left_out = np.zeros(UNEVEN_SECTORS, bool)
     problem = replace(problem, left_out=left_out)
     found = _by_backgrounds(problem, state, most)
+    if found.zones.sigma > ALIKE_LOG and float(np.hypot(*state[BEAM])) <= STEEP:
+        even, alike = _evened(problem, state, most)
+        if unexplained(alike) < unexplained(found) and not _differ(alike, even, DIFFERENT):
+            return even, alike
     for _ in range(CLEARED):
-        uneven = found.equations.uneven
+        uneven = found.equations.uneven()
         left_out = left_out | uneven
         if not uneven.any() or np.mean(left_out) > MOST_UNEVEN:
             break
@@ -323,6 +342,26 @@ def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem
         if moved_m > MOVED_M:
             again = min(again, _by_backgrounds(problem, state, most), key=unexplained)
         found = again
+    return problem, found
+
+
+def _evened(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, Solution]:
+    """Return the problem without sectors that contradict one reflectance, and its solution.
+
+    A background with a step close behind the edge seems to have others, and a footprint that is too
+    small explains it. Its neighbours are left out as well, and every solution is sought anew, until
+    none contradict it, or too many do.
+    """
+    found = _solved(problem, state, Zones.alike(), most)
+    for _ in range(EVENED):
+        uneven = found.equations.uneven(SLIGHTLY_UNEVEN)
+        uneven |= np.roll(uneven, 1) | np.roll(uneven, -1)
+        before = problem.left_out if problem.left_out is not None else np.zeros_like(uneven)
+        left_out = uneven | before
+        if np.array_equal(left_out, before) or np.mean(left_out) > MOST_UNEVEN:
+            break
+        problem = replace(problem, left_out=left_out)
+        found = _solved(problem, state, Zones.alike(), most)
     return problem, found
 
 

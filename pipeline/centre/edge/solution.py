@@ -14,9 +14,11 @@ from .beams import (
     BEAM,
     CENTRE,
     CHAMFER,
+    CHAMFER_M,
     GROWTH,
     INVERSE,
     MODULATION,
+    MODULATION_SIGMA,
     RATIO,
     ROTATION,
     SHAPE,
@@ -27,7 +29,7 @@ from .beams import (
     Background,
     Prior,
 )
-from .edge_residuals import SECTORS, EdgeProblem, Equations, Zones, spread, stretched
+from .edge_residuals import SECTORS, EdgeProblem, Equations, Zones, along, spread, stretched
 
 UNEVEN = 5  # of the sectors: at most so many have a background that leaves outliers
 STEP_M, CONVERGED_M = 2e-7, 1e-5  # a step of the centre that ends a fit; that counts as converged
@@ -38,6 +40,8 @@ MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
 FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
+# Of a chamfer and a modulation, standard uncertainties before the data.
+BEFOREHAND = {CHAMFER: CHAMFER_M, MODULATION: MODULATION_SIGMA}
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
@@ -198,9 +202,14 @@ def _estimates(
 ) -> dict[str, Any]:
     """Return the fields of a fit that follow from its state (14,), or (15,) with the stretch."""
     covariance, by_plane, dof = spread(linear, problem.outline, prior, problem.few)
+    held: dict[int, Array] = {}
     for which in (CHAMFER, MODULATION):
         if state[which] < 0.0:
-            state, covariance, by_plane = _without(which, state, covariance, by_plane)
+            way = along(linear, prior, which)
+            for other, before in held.items():
+                way = way - way[other] * before
+            held[which] = way / way[which]
+            state, covariance, by_plane = _without(which, held[which], state, covariance, by_plane)
     chamfer_m, modulation = np.maximum(state[[CHAMFER, MODULATION]], 0.0).tolist()
     u = np.sqrt(np.diag(covariance))
     known: dict[str, Any] = {
@@ -232,23 +241,28 @@ def _estimates(
 
 
 def _without(
-    which: int, state: Array, covariance: Array, by_plane: Array
+    which: int, way: Array, state: Array, covariance: Array, by_plane: Array
 ) -> tuple[Array, Array, Array]:
     """Return what `_estimates` begins with for a parameter of 0, where the fit has one below 0.
 
-    None is: of the probability, only that of values above 0 is left, whose mean square about 0
-    takes the place of the variance.
+    way: by how much the state moves where it is held, per its distance. None is below 0: of the
+    probability, only that of values above 0 is left, whose mean square about 0 takes the place of
+    the variance. A value that lies k u below 0 contradicts a u that is not k times as large, up to
+    what is known beforehand.
     """
     variance = float(covariance[which, which])
-    with_it = covariance[which] / variance
-    below = min(-state[which] / math.sqrt(variance), FAR_BELOW)
-    rate = math.exp(-0.5 * below**2) / (
-        math.sqrt(math.pi / 2.0) * math.erfc(below / math.sqrt(2.0))
-    )
-    left = 1.0 + below**2 - below * rate
-    taken = (1.0 - left) * variance * np.outer(with_it, with_it)
-    state = state - state[which] * with_it
-    return state, covariance - taken, by_plane - np.outer(with_it, by_plane[which])
+    most = max(variance, BEFOREHAND[which] ** 2)
+    wider = min(max(variance, float(state[which]) ** 4 / variance), most)
+    below = -state[which] / math.sqrt(wider)
+    if below < FAR_BELOW:
+        tail = math.sqrt(math.pi / 2.0) * math.erfc(below / math.sqrt(2.0))
+        left = 1.0 + below**2 - below * math.exp(-0.5 * below**2) / tail
+    else:
+        left = 2.0 / below**2
+    held = np.eye(len(state))
+    held[:, which] -= way
+    covariance = held @ covariance @ held.T + left * wider * np.outer(way, way)
+    return held @ state, covariance, held @ by_plane
 
 
 def _lost(usable: Mask, outline: Outline) -> tuple[float, float]:
