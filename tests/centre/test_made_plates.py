@@ -19,7 +19,6 @@ from wheelplane.config import Config, config_file
 from wheelplane.measure import measure_capture
 from wheelplane_synth.output.archive import write_capture
 
-
 WHEELS = ("RR", "RL", "FR", "FL")
 
 
