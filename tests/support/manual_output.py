@@ -3,8 +3,9 @@
 .venv/bin/python -m tests.support.manual_output            lists the blocks that are out of date
 .venv/bin/python -m tests.support.manual_output --write    rewrites them in place
 
-It runs every command as tests/docs does. A line is replaced only where its words, its numbers
-(beyond the tolerance of `alike`) or its columns changed. `...` still stands for the lines left out.
+It runs every command as tests/docs does. A block is replaced only where the words, the numbers
+(beyond the tolerance of `alike`) or the columns of a line changed, and then all of it: its lines
+are of one run. `...` still stands for the lines left out.
 """
 
 from __future__ import annotations
@@ -153,10 +154,7 @@ def updated(shown: str, printed: str) -> str:
         first = min(matched, default=len(new) - len(indices) if at_end else 0)
         last = max(matched, default=len(indices) - 1 if at_start else -1)
         first, last = 0 if at_start else first, len(new) - 1 if at_end else last
-        kept = {pairs[i]: old[i] for i in indices if i in pairs}
-        for j in range(first, last + 1):
-            same = j in kept and _same_columns(kept[j], new[j])
-            lines.append((kept[j] if same else new[j]).rstrip())
+        lines += [line.rstrip() for line in new[first : last + 1]]
     return "\n".join(lines) + "\n"
 
 
