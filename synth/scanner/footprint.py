@@ -33,7 +33,7 @@ def fine_pattern(beam: Beam) -> Array:
 
 
 def rim_pattern(beam: Beam) -> Array:
-    """Return the corners (12, 2) of a polygon about the spot: an edge across it leaves one out."""
+    """Return the corners (12, 2) of a polygon about the spot: an edge across it parts them."""
     angle = 2 * np.pi * np.arange(RIM_RAYS) / RIM_RAYS
     corner = _reach(beam) / np.cos(np.pi / RIM_RAYS)
     return np.asarray(corner * np.column_stack([np.cos(angle), np.sin(angle)]))

@@ -16,7 +16,7 @@ from scipy import stats
 from tests.support.plates import found
 from tests.support.scenes import Setup, make
 from wheelplane.centre.edge import solution
-from wheelplane.centre.edge.beams import CHAMFER, CHAMFER_M, MODULATION, STATE
+from wheelplane.centre.edge.beams import CHAMFER, CHAMFER_M, MODULATION, STATE, Prior
 from wheelplane.centre.edge.solution import _without
 from wheelplane.centre.edge_centre import CHAMFER_SHARE
 from wheelplane.targets import parse_target
@@ -24,6 +24,7 @@ from wheelplane.targets.registry import load_target
 
 DISC = load_target("disc-250")
 SEEDS = 6
+SHARP = Prior(np.zeros(STATE), np.full(STATE, 1e24))  # all is known beforehand
 
 
 def results(chamfer_m, incidence_deg, stated_m=None, noise_m=2e-4, rounded=False):
@@ -88,7 +89,7 @@ def test_no_chamfer_is_below_nothing(below):
     state[CHAMFER] = -below * u
     by_plane = rng.normal(size=(STATE, 3))
     way = covariance[CHAMFER] / u**2
-    found_state, left, moved = _without(CHAMFER, way, state, covariance, by_plane)
+    found_state, left, moved = _without(CHAMFER, way, 1.0, state, covariance, by_plane)
     assert found_state[CHAMFER] == pytest.approx(0.0, abs=1e-18)
     above = stats.truncnorm(below, np.inf, loc=-below)
     assert left[CHAMFER, CHAMFER] == pytest.approx(above.moment(2) * u**2, rel=1e-6)
@@ -107,7 +108,7 @@ def test_a_chamfer_far_below_nothing_contradicts_its_uncertainty(below, u_m):
     state = np.zeros(STATE)
     state[CHAMFER] = -below * u_m
     way = np.eye(STATE)[CHAMFER]
-    _, left, _ = _without(CHAMFER, way, state, covariance, np.zeros((STATE, 3)))
+    _, left, _ = _without(CHAMFER, way, CHAMFER_M**2, state, covariance, np.zeros((STATE, 3)))
     wider_m = max(min(below**2 * u_m, CHAMFER_M), u_m)
     at = below * u_m / wider_m
     if at < 10.0:
@@ -128,7 +129,7 @@ def test_neither_a_chamfer_nor_a_modulation_below_nothing_hides_the_other(monkey
     state = np.zeros(STATE)
     state[[CHAMFER, MODULATION]] = -1e-4
     problem = SimpleNamespace(outline=None, few=False)
-    found = solution._estimates(state, None, problem, None)
+    found = solution._estimates(state, None, problem, SHARP)
     left = math.sqrt(stats.truncnorm(1.0, np.inf, loc=-1.0).moment(2)) * 1e-4
     assert found["chamfer_m"] == found["modulation"] == 0.0
     assert found["chamfer_u_m"] == pytest.approx(left, rel=1e-6)
@@ -148,7 +149,7 @@ def test_where_one_is_held_the_other_moves_with_it_alone(monkeypatch):
     state[both] = -3e-4
     # below 0 still after the other is held
     state[MODULATION] += min(way[CHAMFER][MODULATION], 0.0) * 3e-4
-    found = solution._estimates(state, None, SimpleNamespace(outline=None, few=False), None)
+    found = solution._estimates(state, None, SimpleNamespace(outline=None, few=False), SHARP)
     together = state - inverse[:, both] @ np.linalg.solve(inverse[np.ix_(both, both)], state[both])
     if (state - way[CHAMFER] * state[CHAMFER])[MODULATION] < 0.0:
         np.testing.assert_allclose(found["centre_m"], together[:2], atol=1e-15)

@@ -14,11 +14,9 @@ from .beams import (
     BEAM,
     CENTRE,
     CHAMFER,
-    CHAMFER_M,
     GROWTH,
     INVERSE,
     MODULATION,
-    MODULATION_SIGMA,
     RATIO,
     ROTATION,
     SHAPE,
@@ -40,8 +38,6 @@ MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
 FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
-# Of a chamfer and a modulation, standard uncertainties before the data.
-BEFOREHAND = {CHAMFER: CHAMFER_M, MODULATION: MODULATION_SIGMA}
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
@@ -209,7 +205,10 @@ def _estimates(
             for other, before in held.items():
                 way = way - way[other] * before
             held[which] = way / way[which]
-            state, covariance, by_plane = _without(which, held[which], state, covariance, by_plane)
+            most = 1.0 / float(prior.weight[which])
+            state, covariance, by_plane = _without(
+                which, held[which], most, state, covariance, by_plane
+            )
     chamfer_m, modulation = np.maximum(state[[CHAMFER, MODULATION]], 0.0).tolist()
     u = np.sqrt(np.diag(covariance))
     known: dict[str, Any] = {
@@ -241,18 +240,17 @@ def _estimates(
 
 
 def _without(
-    which: int, way: Array, state: Array, covariance: Array, by_plane: Array
+    which: int, way: Array, most: float, state: Array, covariance: Array, by_plane: Array
 ) -> tuple[Array, Array, Array]:
     """Return what `_estimates` begins with for a parameter of 0, where the fit has one below 0.
 
     way: by how much the state moves where it is held, per its distance. None is below 0: of the
     probability, only that of values above 0 is left, whose mean square about 0 takes the place of
     the variance. A value that lies k u below 0 contradicts a u that is not k times as large, up to
-    what is known beforehand.
+    the variance `most` that it has beforehand.
     """
     variance = float(covariance[which, which])
-    most = max(variance, BEFOREHAND[which] ** 2)
-    wider = min(max(variance, float(state[which]) ** 4 / variance), most)
+    wider = max(variance, min(float(state[which]) ** 4 / variance, most))
     below = -state[which] / math.sqrt(wider)
     if below < FAR_BELOW:
         tail = math.sqrt(math.pi / 2.0) * math.erfc(below / math.sqrt(2.0))
