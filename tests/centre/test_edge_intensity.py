@@ -114,6 +114,7 @@ def test_intensities_show_the_centre_whatever_is_behind(setup):
     assert np.hypot(*apart.T).min() > 0.05 * setup.spot_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side_rad", [0.0, 3.1])
 def test_without_intensities_backgrounds_of_unlike_brightness_are_in_the_uncertainty(side_rad):
     """They move an edge all to one side, of which its own scatter shows a part."""

@@ -399,6 +399,7 @@ def test_every_verdict_is_said_in_both_languages(finding):
         assert "12 mm" in portuguese
 
 
+@pytest.mark.slow
 def test_of_a_cloud_with_unlike_targets_each_kind_is_shown(tmp_path):
     """A disc before one of four real wheels, which is seen beside it."""
     rng = np.random.default_rng(51)

@@ -159,6 +159,7 @@ def test_too_few_points_are_left_alone():
     assert distance_pull(patch, plane, ORIGIN_M + scanner, DISC.radius_m) is None
 
 
+@pytest.mark.slow
 def test_of_points_thinned_in_another_order_the_pull_is_no_smaller_than_their_error():
     """Their own order shows nothing of it; at random nothing is off, but u allows for it."""
     squares = []

@@ -169,6 +169,7 @@ def test_few_points_show_no_lines(count):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, WHITE, 3e-3])
 def test_points_on_no_grid_show_no_lines(noise):
     """A beam invented for them sorted their noise: u up to 409 times too wide."""

@@ -326,6 +326,7 @@ def test_a_surface_that_returns_less_than_the_threshold_is_not_there(tmp_path):
     assert uv[:, 0].min() < -0.11
 
 
+@pytest.mark.slow
 def test_two_returns_are_the_points_of_the_first_and_of_the_last(tmp_path):
     """Beams that meet two surfaces give two points, all others one."""
     points = {}

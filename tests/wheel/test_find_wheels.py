@@ -55,6 +55,7 @@ def test_the_outer_one_of_twin_wheels_counts():
     assert placed(find_wheels(points, None)) == [0, 1, 2, 3]
 
 
+@pytest.mark.slow
 def test_wheels_with_another_rim_than_the_stated_one_are_wheels():
     rng = np.random.default_rng(9)
     assert placed(find_wheels(vehicle_points(rng, CENTRES, LEVEL), 13.0)) == [0, 1, 2, 3]
