@@ -390,7 +390,7 @@ def spread(
     Source: Huber, Robust Statistics (1981) 6.3; Liang and Zeger, Biometrika 73 (1986) 13.
     """
     weight = linear.weight
-    slopes, known, information, inverse = _solved(linear, prior)
+    slopes, known, information, inverse = _normal_equations(linear, prior)
     lift = np.column_stack([np.ones(len(weight)), linear.q_m]) * linear.by_height[:, None]
     by_plane = inverse @ ((slopes.T * linear.change) @ lift)
     part = sector(linear.share, SECTORS)
@@ -406,11 +406,11 @@ def spread(
 
 def along(linear: Equations, prior: Prior, which: int) -> Array:
     """Return by how much the state (14,) moves where one parameter is held, per its distance."""
-    column = _solved(linear, prior)[3][which]
+    column = _normal_equations(linear, prior)[3][which]
     return np.asarray(column / column[which])
 
 
-def _solved(linear: Equations, prior: Prior) -> tuple[Array, Array, Array, Array]:
+def _normal_equations(linear: Equations, prior: Prior) -> tuple[Array, Array, Array, Array]:
     """Return slopes without the zones' ratios, what is known before, information and A^-1."""
     slopes, known = linear.eliminated(*linear.by_zone(linear.weight), prior)
     information = (slopes.T * linear.weight) @ slopes + known
@@ -439,14 +439,11 @@ def stretched(
     weight = np.append(prior.weight, known)
     weight[GROWTH] += more
     prior = Prior(np.append(prior.mean, 0.0), weight)
-    own, cross = linear.by_zone(linear.weight)
-    left, before = linear.eliminated(own, cross, prior)
-    information = (left.T * linear.weight) @ left + before
+    left, _, _, inverse = _normal_equations(linear, prior)
     score = np.zeros(len(weight))
     score[GROWTH] = -more * state[GROWTH]
     score[-1] = left[:, -1] @ (linear.weight * linear.residual_m)
-    moved = _inverse((left.T * linear.change) @ left + before, information) @ score
-    return linear, prior, np.append(state, 0.0) + moved
+    return linear, prior, np.append(state, 0.0) + inverse @ score
 
 
 def _variance(linear: Equations, dof: float) -> float:

@@ -352,14 +352,14 @@ def _evened(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem,
     small explains it. Its neighbours are left out as well, and every solution is sought anew, until
     none contradict it, or too many do.
     """
+    left_out = np.zeros(UNEVEN_SECTORS, bool)
     found = _solved(problem, state, Zones.alike(), most)
     for _ in range(EVENED):
         uneven = found.equations.uneven(SLIGHTLY_UNEVEN)
-        uneven |= np.roll(uneven, 1) | np.roll(uneven, -1)
-        before = problem.left_out if problem.left_out is not None else np.zeros_like(uneven)
-        left_out = uneven | before
-        if np.array_equal(left_out, before) or np.mean(left_out) > MOST_UNEVEN:
+        more = left_out | uneven | np.roll(uneven, 1) | np.roll(uneven, -1)
+        if np.array_equal(more, left_out) or np.mean(more) > MOST_UNEVEN:
             break
+        left_out = more
         problem = replace(problem, left_out=left_out)
         found = _solved(problem, state, Zones.alike(), most)
     return problem, found
