@@ -195,6 +195,8 @@ class Beam(Section):
     cosine; otherwise all parts that return anything count alike, and half a spot must.
     brightness_bias_m: range error of a surface of albedo 0.1 against one of 0.8, linear in albedo;
     incidence_bias_m, b: range error b (1 / cos - 1) at the incidence.
+    noise_by_brightness, k: the range noise of a surface is (0.8 / albedo)^k times that of a light
+    one; 0.5 where the noise of the light rules, 1 where that of the receiver does.
     return_mode: which return of a spot that meets several surfaces is reported: the average of
     all, or the first, last or strongest of those that are range_gate_m or more apart; or two, the
     first and the last, each as a point (a multi-echo scanner; scans of single wheels only).
@@ -227,6 +229,7 @@ class Beam(Section):
     power_weighted: bool = False
     brightness_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
     incidence_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
+    noise_by_brightness: float = Field(0.0, ge=0.0, le=2.0)
     return_mode: Literal["average", "first", "last", "strongest", "two"] = "average"
     range_gate_m: float = Field(0.0, ge=0.0, le=10.0)
     ambiguity_m: float = Field(0.0, ge=0.0, le=100.0)

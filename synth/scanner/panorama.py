@@ -87,10 +87,11 @@ class _RowScanner:
             angles = measured_angles(
                 self.grid.azimuth_rad, elevation, row.range_m, self.calibration
             )
-            sigma_m = range_sigma_m(self.beam.range_sigma_m, row.cosine)
+            sigma_m = range_sigma_m(self.beam.range_sigma_m, row, self.beam)
             noise_m = rng.normal(0.0, 1.0, width) * sigma_m
             if len(correlated):
-                noise_m += correlated[k] * range_sigma_m(self.beam.correlated_sigma_m, row.cosine)
+                sigma_m = range_sigma_m(self.beam.correlated_sigma_m, row, self.beam)
+                noise_m += correlated[k] * sigma_m
             if self.beam.line_sigma_m > 0.0:
                 noise_m += self.beam.line_sigma_m * self._line_offsets(rows[k])
             if self.scene.optics is not None:

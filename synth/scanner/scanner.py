@@ -20,11 +20,12 @@ from .echoes import Echoes
 from .noise import by_surfaces, gaussian_field
 from .raycast import RayCaster
 from .spot import spot_echoes
-from .systematic import EXACT, biased, measured_angles, measured_range_m
+from .systematic import EXACT, LIGHT, biased, measured_angles, measured_range_m
 
 NEAREST_STRAY_M = 0.5
 TRIES = 1000
 MOST_BEAMS = 20_000_000
+DARKEST = 0.01  # albedo below which the noise grows no more
 
 
 @dataclass(frozen=True)
@@ -131,14 +132,16 @@ def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:
     )
 
 
-def range_sigma_m(sigma_m: float, cosine: Array) -> Array:
-    """Return the standard deviation of the range at these cosines of incidence; sigma_m at normal.
+def range_sigma_m(sigma_m: float, echoes: Echoes, beam: Beam) -> Array:
+    """Return the standard deviation (N,) of the ranges; sigma_m of a light surface seen squarely.
 
     sigma / max(cos(incidence), 0.2): the power that returns falls with the cosine
     (Soudarissanane et al., ISPRS J. Photogramm. 66 (2011) 389-399). Across a plane that is
-    sigma_m itself at any incidence up to 78 degrees.
+    sigma_m itself at any incidence up to 78 degrees. Times (0.8 / albedo) to the power of
+    beam.noise_by_brightness, as of intensity in Wujanz et al., ISPRS J. Photogramm. 125 (2017) 146.
     """
-    return sigma_m / np.maximum(cosine, 0.2)
+    dimness = LIGHT / np.maximum(echoes.reflectance, DARKEST)
+    return sigma_m / np.maximum(echoes.cosine, 0.2) * dimness**beam.noise_by_brightness
 
 
 def _window(
@@ -170,15 +173,13 @@ def _range_noise(
 
     Columns of the grid are closer than its rows by the cosine of the elevation.
     """
-    noise_m = rng.normal(0.0, 1.0, elevation.size) * range_sigma_m(
-        beam.range_sigma_m, echoes.cosine
-    )
+    noise_m = rng.normal(0.0, 1.0, elevation.size) * range_sigma_m(beam.range_sigma_m, echoes, beam)
     if beam.correlated_sigma_m > 0.0:
         steps = beam.correlation_length_m / grid.spacing_m
         level = float(np.cos(np.mean(elevation)))
         lengths = (steps, beam.correlation_aspect * steps / level)
         correlated = gaussian_field(elevation.shape, lengths, rng).ravel()
-        noise_m += correlated * range_sigma_m(beam.correlated_sigma_m, echoes.cosine)
+        noise_m += correlated * range_sigma_m(beam.correlated_sigma_m, echoes, beam)
     if beam.line_sigma_m > 0.0:
         lines = elevation.shape[0] if beam.scan_lines == "rows" else elevation.shape[1]
         noise_m += beam.line_sigma_m * along_lines(rng.standard_normal((lines,)), elevation, beam)

@@ -47,7 +47,7 @@ def sense(
     echoes = trace(scene, caster, origins, toward)
     partners = origins + sensor.baseline_m * _baseline(sensor, axes)
     echoes = _lit(echoes, scene, caster, origins + toward * echoes.range_m[:, None], partners)
-    noise_m = rng.normal(0.0, 1.0, len(toward)) * range_sigma_m(beam.range_sigma_m, echoes.cosine)
+    noise_m = rng.normal(0.0, 1.0, len(toward)) * range_sigma_m(beam.range_sigma_m, echoes, beam)
     return report(echoes, toward, noise_m, beam, rng, origins_m=origins)
 
 

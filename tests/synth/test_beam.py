@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from tests.support.made import DEFAULT, DISC, IDEAL, SALOON, changed, of_spot, read_ply
+from tests.support.made import (
+    DEFAULT,
+    DISC,
+    IDEAL,
+    SALOON,
+    changed,
+    chi_square_bounds,
+    of_spot,
+    read_ply,
+)
 from tests.support.paths import CONFIGS
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
@@ -227,6 +236,16 @@ def test_brightness_bias_moves_the_dark_half_by_exactly_b(tmp_path):
     assert error_m[dark] == pytest.approx(0.0003, abs=1e-12)
     assert error_m[~dark] == pytest.approx(0.0, abs=1e-12)
     assert intensity[dark].max() < intensity[~dark].min() / 4
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0])
+def test_dark_parts_have_more_noise_by_their_brightness(tmp_path, power):
+    values = {"surfaces": {"dark_part": "half", "dark": 0.1}, "beam.noise_by_brightness": power}
+    _, error_m, cosine, intensity = heights_m(tmp_path, values | {"beam.range_sigma_m": 0.0002})
+    dark = intensity < 0.35 * intensity.max()
+    for part, sigma_m in ((dark, 0.0002 * 8.0**power), (~dark, 0.0002)):
+        low, high = chi_square_bounds(np.count_nonzero(part))
+        assert low < np.sum((error_m * cosine)[part] ** 2) / sigma_m**2 < high
 
 
 def test_dark_squares_lie_where_the_file_states(tmp_path):

@@ -30,7 +30,7 @@ from wheelplane_synth.parameters.parameters import Beam, Grid, ScannerFile, Vehi
 from wheelplane_synth.parameters.plate_file import DiscFile
 from wheelplane_synth.parameters.recipe import read_recipe
 from wheelplane_synth.parameters.target_file import read_target
-from wheelplane_synth.scanner.echoes import trace
+from wheelplane_synth.scanner.echoes import Echoes, trace
 from wheelplane_synth.scanner.footprint import spot_pattern
 from wheelplane_synth.scanner.noise import gaussian_field
 from wheelplane_synth.scanner.raycast import RayCaster
@@ -414,7 +414,9 @@ def test_noise_across_the_plate_is_the_range_noise_as_set(tmp_path):
     low, high = chi_square_bounds(len(off))
     assert low < np.sum(off**2) < high
     assert not low < np.sum((off / 1.1) ** 2) < high
-    sigma_m = range_sigma_m(beam.range_sigma_m, np.array([1.0, 0.5, 0.01]))
+    none = np.zeros(3, dtype=np.int64)
+    echoes = Echoes(np.full(3, 2.0), np.array([1.0, 0.5, 0.01]), np.full(3, 0.1), none, none)
+    sigma_m = range_sigma_m(beam.range_sigma_m, echoes, beam)
     assert sigma_m == pytest.approx([8e-4, 16e-4, 40e-4])
 
 
