@@ -51,7 +51,6 @@ GRAZING = 1.3  # slope of beams, 52 degrees, from which it shifts
 LOST_M = 2e-3  # uncertainty above which an edge fit gives way to the outline
 UNCONVERGED_M = 3e-4  # model uncertainty of an edge fit that did not converge
 BY_THICKNESS = 0.4  # of what an unknown thickness would move a centre: model uncertainty
-BY_CHAMFER = 0.58  # of what a chamfer that may be a wrong width would move: any part of it
 CHAMFER_SHARE = 0.12  # of a chamfer times tan of the incidence: it may be a rounded edge
 WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertainty by the wall
 CLEAN_SHARE = 0.015  # of the shift of a clean edge: model uncertainty by what the scanner reports
@@ -226,7 +225,7 @@ def _by_edge(
             method,
             centre,
             edge_fit.covariance_m2,
-            model * np.eye(2) + _by_backgrounds(edge_fit),
+            model * np.eye(2) + _by_backgrounds(edge_fit) + _by_chamfer(edge_fit),
             edge_fit.by_plane,
             edge_fit.dof,
             shown,
@@ -539,8 +538,6 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
         spread += BY_THICKNESS**2 * float(edge_fit.by_thickness_m @ edge_fit.by_thickness_m)
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2 + edge_fit.rows_m**2 / 2.0
-    if edge_fit.by_chamfer_m is not None:
-        spread += BY_CHAMFER**2 * float(edge_fit.by_chamfer_m @ edge_fit.by_chamfer_m)
     if view.target.chamfer is None:
         spread += (CHAMFER_SHARE * edge_fit.chamfer_m) ** 2 * square
     if edge_fit.exponent is not None:
@@ -595,6 +592,12 @@ def _by_backgrounds(edge_fit: EdgeFit) -> Array:
     shares = ACROSS_BEAMS**2 * np.eye(2)
     shares += (ALONG_BEAMS**2 - ACROSS_BEAMS**2) * np.outer(along, along)
     return np.asarray(edge_fit.unlike_m**2 * shares)
+
+
+def _by_chamfer(edge_fit: EdgeFit) -> Array:
+    """Return the covariance (2, 2) of a centre by a chamfer of an edge that counts as sharp."""
+    by_m = np.zeros(2) if edge_fit.by_chamfer_m is None else edge_fit.by_chamfer_m
+    return np.outer(by_m, by_m)
 
 
 def _by_footprint(edge_fit: EdgeFit, apart_m: Array) -> Array:

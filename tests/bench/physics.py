@@ -41,7 +41,7 @@ SHARED = 3  # times as many captures where scans share errors
 SEEDS = 10_000  # of a case
 # Of a plate: standard deviations of a radius or half a side, and of the thickness, relative, both
 # cut at two; width of the chamfer that deburring leaves, uniform from 0 to it.
-SIZE_M, THICKNESS, MOST_CHAMFER_M = 0.0001, 0.03, 0.0003
+SIZE_M, THICKNESS, MOST_CHAMFER_M = 0.0001, 0.03, 0.0005
 BEYOND_M = 0.02  # the target, of the narrowest window
 Values = dict[str, Any]
 
@@ -65,6 +65,8 @@ BARE: Values = {  # hardly any noise
 GAUSSIAN: Values = {"beam.spot_profile": "gaussian"}
 LAMBERT: Values = {"beam.power_weighted": True}
 HALF: Values = {"surfaces.dark_part": "half", "surfaces.dark_turn_deg": [0.0, 360.0]}
+SHOT: Values = {"beam.noise_by_brightness": 0.5}
+RECEIVER: Values = {"beam.noise_by_brightness": 1.0}
 RETURNS: Values = {**GAUSSIAN, **LAMBERT, "beam.range_gate_m": 0.02}
 LINES: Values = {"beam.line_sigma_m": 0.00015}
 ARC15 = [-26.0, 26.0]  # uniform, of standard deviation 15
@@ -200,6 +202,10 @@ CASES: dict[str, Case] = {
     "structured-light": Case(base="structured-light"),
     "line-profile": Case(base="line-profile"),
     "phases-0.6": Case(PLAIN | QUIET | {"beam.ambiguity_m": 0.6, "instrument.ambiguity_m": 0.6}),
+    "shot-noise": Case(PLAIN | QUIET | LAMBERT | SHOT),
+    "receiver-noise": Case(PLAIN | QUIET | LAMBERT | RECEIVER),
+    "dark-half-shot-noise": Case(PLAIN | QUIET | HALF | SHOT),
+    "dark-half-receiver-noise": Case(PLAIN | QUIET | HALF | RECEIVER),
 }
 
 
@@ -246,7 +252,14 @@ def _shipped(target: str) -> str:
 
 
 def _target_file(file: Path, plate: Values) -> Path:
-    rows = [f"{key} = {json.dumps(v)}" for key, v in plate.items() if v is not None and v != 0.0]
+    rows = [
+        f"{key} = {json.dumps(v)}"
+        for key, v in plate.items()
+        if v is not None and v != 0.0 and not isinstance(v, dict)
+    ]
+    for name, table in plate.items():
+        if isinstance(table, dict):
+            rows += [f"[{name}]", *(f"{key} = {json.dumps(v)}" for key, v in table.items())]
     file.write_text("\n".join(rows) + "\n")
     return file
 

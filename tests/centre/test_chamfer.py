@@ -72,6 +72,29 @@ def test_a_stated_chamfer_is_used(stated_m):
         assert result.u_m < 3e-5
 
 
+def clean(chamfer_m, stated_m):
+    """Beams of no footprint, each of which returns one surface, at 28 degrees from all around."""
+    target = DISC.model_copy(update={"chamfer": stated_m})
+    for seed in range(SEEDS):
+        scene = Setup(
+            chamfer_m=chamfer_m,
+            noise_m=3e-4,
+            spot_m=0.0,
+            spacing_m=0.0008,
+            incidence_deg=28.0,
+            azimuth_deg=60.0 * seed,
+        )
+        yield found(make(scene, seed), target, seed)
+
+
+@pytest.mark.parametrize("stated_m", [None, 5e-4])
+def test_a_chamfer_moves_a_clean_edge_within_its_uncertainty(stated_m):
+    """It hides nothing on the near side; on the far side the edge lies inside by its slope."""
+    results = list(clean(5e-4, stated_m))
+    assert np.mean([one.nees for one in results]) < stats.chi2.ppf(0.999, 2 * SEEDS) / SEEDS
+    assert all(one.fitted.edge_fit.is_clean for one in results)
+
+
 def test_a_smaller_plate_is_no_chamfer():
     """1.5 mm smaller all round: it is refused as before."""
     with pytest.raises(Exception, match="inside that of a disc of 250 mm"):

@@ -11,17 +11,20 @@ import pytest
 from tests.support.scenes import Setup, make
 from wheelplane.centre.edge.beams import (
     BEAM,
+    CHAMFER,
     GROWTH,
     INVERSE,
     RATIO,
     ROTATION,
     SPOT,
     STATE,
+    THICKNESS,
     WALL,
     Prior,
 )
 from wheelplane.centre.edge.clean_edge import (
     NOT_BY_CHANCE,
+    _edge_table,
     by_backgrounds_m,
     clean_equations,
     shift_m,
@@ -143,12 +146,13 @@ def test_a_side_that_rows_run_along_lies_anywhere_between_two_of_them(angle_deg,
 MISSED = (5e-3, 5e-3, 0.06, 0.1, 0.08, 0.12, 0.05, 1e-3, 5e-3, 1e-3, 0.09, 5e-3, 5e-3, 0.0)
 
 
+@pytest.mark.parametrize("chamfer_m", [0.0, 4e-4])
 @pytest.mark.parametrize("index", range(STATE))
-def test_slopes_are_those_of_central_differences(index):
+def test_slopes_are_those_of_central_differences(index, chamfer_m):
     problem = problem_of("rectangle", 20.0)
     state = problem.prior.mean.copy()
     state[BEAM], state[INVERSE] = [-0.3152, -0.182], 0.42
-    state[ROTATION], state[9:] = 0.002, [0.9, 0.4, 0.0, 0.0, 0.0]
+    state[ROTATION], state[9:] = 0.002, [0.9, 0.4, 0.0, chamfer_m, 0.0]
     step = np.zeros(STATE)
     step[index] = 1e-9 if index in (0, 1, 8) else 1e-7
     here, ahead, behind = (
@@ -184,6 +188,17 @@ def test_first_returns_part_alike_at_dark_walls():
         sides = here.residual_m[here.depths :], there.residual_m[there.depths :]
         shift_mm = 1e3 * np.abs(np.sort(sides[0])[:5] - np.sort(sides[1])[:5]).max()
         assert (shift_mm <= 1e-9) if apart_m == 0.0 else (shift_mm > 1e3 * apart_m)
+
+
+@pytest.mark.parametrize("chamfer_m", [0.0, 3e-4, 2e-3])
+def test_thin_beams_part_at_the_last_of_face_chamfer_and_wall(chamfer_m):
+    """By where lines from the scanner touch the plate's section."""
+    state = Prior.of(0.01, CONFIG).mean
+    state[SPOT], state[CHAMFER] = math.log(1e-6), chamfer_m
+    tau = np.linspace(-0.8, 0.8, 9)
+    corners = np.array([[-chamfer_m, 0.0], [0.0, chamfer_m], [0.0, math.exp(state[THICKNESS])]])
+    touched = (corners[:, :1] + corners[:, 1:] * tau).max(axis=0)  # carried along beams to the face
+    np.testing.assert_allclose(_edge_table(tau, state)[0], touched, atol=1.5e-6)
 
 
 def test_brighter_backgrounds_move_the_edge_inwards():

@@ -18,6 +18,7 @@ from wheelplane.centre.edge import clean_fit
 from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
+    CHAMFER,
     GROWTH,
     INVERSE,
     ROTATION,
@@ -280,13 +281,14 @@ def test_rows_are_the_intensities_of_the_points_about_the_edge(outline):
     assert linear.behind == 0
 
 
-def test_slopes_are_those_of_central_differences():
+@pytest.mark.parametrize("chamfer_m", [0.0, 5e-4])
+def test_slopes_are_those_of_central_differences(chamfer_m):
     """Seen from afar, x and tau depend on the state alone, as in the slopes.
 
     The footprint grows with tau, which is left out: the beams are nearly square to the target.
     """
     state = state_of((-12.0, 7.0, 180.0), rotation=0.02)
-    state[EXPONENT] = math.log(0.8)
+    state[EXPONENT], state[CHAMFER] = math.log(0.8), chamfer_m
     problem = scene(PLATE, state, 9000, mixed=False)
     problem = replace(problem, intensity=np.ones(len(problem.depth)))
     beams = problem.beams(state)
@@ -298,9 +300,9 @@ def test_slopes_are_those_of_central_differences():
 
     there, here = profile(state)
     slopes = profile_slopes(here, there, problem.depth[chosen], state)
-    for index in (0, 1, 2, 3, SPOT, THICKNESS, EXPONENT, ROTATION, WALL, SHAPE, GROWTH):
+    for index in (0, 1, 2, 3, SPOT, THICKNESS, EXPONENT, ROTATION, WALL, SHAPE, GROWTH, CHAMFER):
         step = np.zeros(STATE)
-        step[index] = 1e-7 if index in (0, 1, ROTATION, GROWTH) else 1e-5
+        step[index] = 1e-7 if index in (0, 1, ROTATION, GROWTH, CHAMFER) else 1e-5
         ahead, behind = (profile(state + sign * step)[1].depth_m for sign in (1.0, -1.0))
         moved, shown = (ahead - behind) / (2.0 * step[index]), slopes[:, index]
         size = np.linalg.norm(shown)

@@ -260,6 +260,7 @@ def test_first_and_last_returns_are_those_of_ratios_far_from_one(monkeypatch, be
     monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
     monkeypatch.setattr(clean_fit, "_explained", explained)
     monkeypatch.setattr(clean_fit, "ERODED", 2.0)
+    monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
     monkeypatch.setattr(clean_fit, "record", lambda *args: RECORD)
     monkeypatch.setattr(clean_fit, "settled", lambda fitted, found: fitted)
     state = state_of()
@@ -322,6 +323,7 @@ def test_the_size_shown_is_that_of_the_likelier_solution(monkeypatch, chance, co
     records = {id(found): RECORD, id(other): replace(RECORD, **sizes)}
     monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
     monkeypatch.setattr(clean_fit, "_by_size", lambda *args: (found, other))
+    monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
     monkeypatch.setattr(clean_fit, "_chance", lambda *args: chance)
     monkeypatch.setattr(clean_fit, "record", lambda found, *args: records[id(found)])
     fit = clean_fit.fit_clean(problem_of(), state_of(), CONFIG)
@@ -348,6 +350,7 @@ def test_few_rows_or_sectors_give_no_clean_fit(monkeypatch, sectors, rows, shown
     monkeypatch.setattr(clean_fit, "_explained", lambda *a, **k: ended([1.0] * rows, 0, share))
     monkeypatch.setattr(clean_fit, "record", lambda *args: RECORD)
     monkeypatch.setattr(clean_fit, "settled", lambda *args: RECORD)
+    monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
     assert (clean_fit.fit_clean(problem_of(), state_of(), CONFIG) is not None) == shown
 
 

@@ -116,7 +116,7 @@ def test_slopes_by_the_state_are_those_of_any_profile(outline):
         return (
             by[0] * beams.x_m + by[1] * tau + by[2] * at[SPOT] + by[3] * np.exp(at[THICKNESS])
             + by[4] * at[RATIO] + by[5] * wall + by[6] * at[SHAPE] + by[7] * at[CHAMFER]
-            + by[8] * beams.tau + by[9] * bevel_reflectance(beams.tau, at)
+            + by[8] * beams.tau + by[9] * bevel_reflectance(beams.tau, at[WALL])
             + by[10] * at[MODULATION] * (1.0 + state[BEAM] @ state[BEAM])
         )  # fmt: skip
 

@@ -22,7 +22,7 @@ from wheelplane_synth.output.archive import write_capture
 WHEELS = ("RR", "RL", "FR", "FL")
 
 
-def squares(folder, case, seed, names):
+def squares(folder, case, seed, names, target="disc-250"):
     """Squares of the centres' errors in their planes over their covariances, and footprints."""
     seed += SEEDS * list(CASES).index(case)
     write_capture(
@@ -30,12 +30,12 @@ def squares(folder, case, seed, names):
         seed=seed,
         vehicle=config_file("vehicles", "saloon"),
         scanner=scanner_file(folder, CASES[case].values),
-        target=made_target(folder, "disc-250", CASES[case], seed),
+        target=made_target(folder, target, CASES[case], seed),
         trials=0,
     )
     truth = json.loads((folder / "capture/truth.json").read_text())["wheels"]
     centres = {wheel["name"]: np.array(wheel["centre_m"]) for wheel in truth}
-    with open_capture(folder / "capture", "disc-250") as capture:
+    with open_capture(folder / "capture", target) as capture:
         measured = measure_capture(capture, Config())
     for wheel in measured.wheels:
         fitted = wheel.observation.fitted
@@ -56,4 +56,17 @@ def test_a_step_close_behind_the_edge_makes_no_smaller_footprint(tmp_path, seed,
 @pytest.mark.parametrize("seed", [1, 4])
 def test_a_chamfer_before_lambert_s_walls_is_in_the_uncertainty(tmp_path, seed):
     found = [square for square, _ in squares(tmp_path, "lambert", seed, WHEELS)]
+    assert np.sum(found) < stats.chi2.isf(1e-3, 2 * len(found))
+
+
+@pytest.mark.parametrize(
+    ("case", "target"),
+    [("quiet", "rectangle-360x240"), ("quiet", "pattern-circles"), ("strongest", "disc-250")],
+)
+def test_a_chamfer_that_no_fit_shows_is_in_the_uncertainty(tmp_path, case, target):
+    """Where a part of a side has no background, and where intensities show the edge.
+
+    Without its share, squares of up to 17 and 200 a wheel.
+    """
+    found = [square for square, _ in squares(tmp_path, case, 1, WHEELS, target)]
     assert np.sum(found) < stats.chi2.isf(1e-3, 2 * len(found))

@@ -394,12 +394,13 @@ def wall_reflectance(wall: Array, state: Array) -> tuple[Array, Array]:
     return np.maximum(plain, LEAST_WALL), (plain > LEAST_WALL).astype(np.float64)
 
 
-def bevel_reflectance(tau: Array, state: Array) -> Array:
+def bevel_reflectance(tau: Array, lambert: float) -> Array:
     """Return the reflectance of a chamfer over the face's (N,).
 
     tau: (N,) signed tangent of the incidence against the wall; by Lambert's law (1 + tau) / sqrt 2.
+    lambert: its share, as of a state.
     """
-    return np.asarray(np.maximum(1.0 + state[WALL] * _dimmer(tau), LEAST_WALL))
+    return np.asarray(np.maximum(1.0 + lambert * _dimmer(tau), LEAST_WALL))
 
 
 def bevel_slopes(tau: Array, state: Array) -> tuple[Array, Array]:
@@ -423,7 +424,7 @@ def reaching(x_m: Array, tau: Array, state: Array) -> npt.NDArray[np.intp]:
 
     Those of others lie on the face: their returns show the face, whatever the state.
     """
-    return np.flatnonzero(x_m > -END * footprint_m(tau, state))
+    return np.flatnonzero(x_m > -END * footprint_m(tau, state) - state[CHAMFER])
 
 
 def carry(plane: Array, depth: Array, state: Array, outline: Outline) -> Beams:

@@ -22,6 +22,7 @@ from ...targets import sector
 from ...vectors import NORMAL_OF_MAD, Array, Mask
 from .beams import (
     BEAM,
+    CHAMFER,
     GROWTH,
     INVERSE,
     LEAST_WALL,
@@ -33,6 +34,8 @@ from .beams import (
     THICKNESS,
     WALL,
     Beams,
+    bevel_reflectance,
+    bevel_slopes,
     footprint_m,
     reaching,
     wall_reflectance,
@@ -51,7 +54,7 @@ SLOPES = 97  # of the wall against the beams, at which x* is solved
 HALVINGS = 20
 NONE = 1e-9  # reflectance of what is not in the return
 STEP_M, STEP = 1e-6, 1e-4  # of x* and of tau, for derivatives of x*
-STEPS = np.array([1e-4, 1e-6, 1e-4, 1e-4, 1e-4, 1e-4])  # of what it depends on
+STEPS = np.array([1e-4, 1e-6, 1e-4, 1e-4, 1e-4, 1e-4, 1e-6, 1e-4])  # of what it depends on
 LEAST_SLOPE = 1.0  # 1/m, of the powers at x*
 SECTOR_COUNTS = (96, 48, 24, 12, 6)  # of the outline, in which the nearest points are looked up
 LEAST_IN_SECTOR = 12  # points in its ring
@@ -112,11 +115,11 @@ def gapped_equations(
     def parted(tau: Array) -> _Parted:
         if wall == "by power":
             return _Parted(state, tau, (_edge_table(tau, state),), filtered=True)
-        thickness, ends = float(np.exp(state[THICKNESS])), np.zeros((8, SLOPES))
-        ends[0] = thickness * tau.clip(0.0)
-        ends[1] = thickness * (tau > 0.0)
-        ends[3] = tau.clip(0.0)
-        tables = (ends,) if wall == "as face" else (np.zeros_like(ends), ends)
+        thickness, ends = float(np.exp(state[THICKNESS])), np.zeros((10, SLOPES))
+        ends[1] = np.where(tau > 0.0, thickness, state[CHAMFER])
+        ends[0] = ends[1] * tau
+        ends[3], ends[8] = tau.clip(min=0.0), tau.clip(max=0.0)
+        tables = (ends,) if wall == "as face" else (np.where(tau > 0.0, 0.0, ends), ends)
         return _Parted(first_state(state), tau, tables, filtered=True)
 
     return _linearised(problem, state, robust, rough, parted)
@@ -126,7 +129,7 @@ def gapped_equations(
 class _Parted:
     """Where returns part by the slope of the wall against the beams: state (14,), slopes tau (K,).
 
-    tau: evenly spaced. tables: x* and its derivatives (8, K), of points on the target and of those
+    tau: evenly spaced. tables: x* and its derivatives (10, K), of points on the target and of those
     beside it; one of both. filtered: whether beams are missing on both sides of x*.
     """
 
@@ -279,10 +282,10 @@ def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Arra
 
 
 def _edge_table(tau: Array, state: Array) -> Array:
-    """Return x* and its derivatives (8, K) at slopes tau (K,).
+    """Return x* and its derivatives (10, K) at slopes tau (K,).
 
-    By tau, log spot, thickness, log ratio, reflectance of the wall, shape, and Lambert's share; as
-    those of an implicit function, by central differences of what is 0 at x*.
+    By tau, log spot, thickness, log ratio, reflectance of the wall, shape, Lambert's share, chamfer
+    and its reflectance: those of an implicit function, by central differences of what is 0 at x*.
     """
     values = _values(state)
     x = _edge_m(tau, values)
@@ -296,15 +299,15 @@ def _edge_table(tau: Array, state: Array) -> Array:
 
 
 def _values(state: Array) -> Array:
-    """Return what x* depends on, (6,)."""
-    thickness = np.exp(state[THICKNESS])
-    return np.array([state[SPOT], thickness, state[RATIO], 0.0, state[SHAPE], state[WALL]])
+    """Return what x* depends on, (8,)."""
+    of_wall = state[RATIO], 0.0, state[SHAPE], state[WALL]
+    return np.array([state[SPOT], np.exp(state[THICKNESS]), *of_wall, state[CHAMFER], 0.0])
 
 
 def _edge_m(tau: Array, values: Array) -> Array:
     """Return x* (K,) at slopes tau (K,), by bisection, and by the chord of what that leaves."""
     spot = np.exp(values[0]) * np.sqrt(1.0 + tau**2)
-    low, high = -2.0 * spot, values[1] * np.maximum(tau, 0.0) + 2.0 * spot
+    low, high = -2.0 * spot - values[6], values[1] * np.maximum(tau, 0.0) + 2.0 * spot
     for _ in range(HALVINGS):
         x = (low + high) / 2.0
         nearer = _excess(x, tau, values) > 0.0
@@ -315,13 +318,18 @@ def _edge_m(tau: Array, values: Array) -> Array:
 
 
 def _excess(x_m: Array, tau: Array, values: Array) -> Array:
-    """Return the target's power less the background's (K,)."""
-    log_spot, thickness, log_ratio, brighter, shape, lambert = values
+    """Return the target's power less the background's (K,).
+
+    A beam meets the face, the chamfer, the wall if that is seen, and what lies behind.
+    """
+    log_spot, thickness, log_ratio, brighter, shape, lambert, chamfer, lighter = values
     spot, profile = np.exp(log_spot) * np.sqrt(1.0 + tau**2), profile_of(float(shape))
     wall = np.maximum(1.0 + lambert * (tau - 1.0) + brighter, LEAST_WALL)
-    Fa = profile.share(x_m / spot)
-    Fb = profile.share((x_m - thickness * np.maximum(tau, 0.0)) / spot)
-    return np.asarray(1.0 - Fa + wall * (Fa - Fb) - np.exp(log_ratio) * Fb)
+    Fa = profile.share((x_m + chamfer) / spot)
+    Fc = profile.share((x_m - chamfer * tau) / spot)
+    Fb = profile.share((x_m - np.where(tau > 0.0, thickness, chamfer) * tau) / spot)
+    bevel = bevel_reflectance(tau, lambert) + lighter
+    return np.asarray(1.0 - Fa + bevel * (Fa - Fc) + wall * (Fc - Fb) - np.exp(log_ratio) * Fb)
 
 
 def mean_depths(
@@ -470,14 +478,14 @@ def _nearest(
 ) -> tuple[Array, ...]:
     """Return the rows of Equations for points (M,) that lie off_m outside where they should."""
     beams, state = Beams(*(values[chosen] for values in vars(beams).values())), parted.state
-    _, by_tau, by_spot, by_thickness, by_ratio, by_wall, by_shape, _ = (
+    _, by_tau, by_spot, by_thickness, by_ratio, by_wall, by_shape, _, by_chamfer, by_bevel = (
         parted.between(beams.tau, row) for row in table
     )
     nothing = np.zeros(len(chosen))
     profile = EdgeProfile(
         depth_m=nothing,
         d_x=nothing - 1.0,
-        d_tau=by_tau - state[WALL] * by_wall,  # profile_slopes adds the latter
+        d_tau=-state[WALL] * by_wall,  # profile_slopes adds it, as part of by_tau
         d_log_spot=by_spot,
         d_thickness=by_thickness,
         d_log_ratio=by_ratio,
@@ -485,6 +493,9 @@ def _nearest(
         d_shape=by_shape,
         background_share=nothing,
         by_background=nothing,
+        d_chamfer=by_chamfer,
+        d_lean=by_tau - by_bevel * bevel_slopes(beams.tau, state)[0],
+        d_bevel=by_bevel,
     )
     residual, variance = off_m, u_m**2
     weight, change = robust_weight(residual**2 / variance / (ROUGH if rough else 1.0) ** 2, robust)

@@ -37,6 +37,7 @@ from .solution import (
     misfit_of,
     record,
     settled,
+    unseen_chamfer_m,
 )
 
 ERODED = 0.4  # of the stated footprint: a clean edge that lies as far inside the target's is none
@@ -107,6 +108,7 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
         size_chance=chance,
         rows_m=between_rows_m(problem, found.state),
         unlike_m=unlike_m,
+        by_chamfer_m=unseen_chamfer_m(found.equations, problem.prior),
     )
     return settled(fitted, found)
 
@@ -144,6 +146,7 @@ def _filtered(
         by_thickness_m=UNSURE * np.sqrt(share @ (centres_m - centre_m) ** 2),
         rows_m=between_rows_m(problem, found.state),
         unlike_m=by_backgrounds_m(linear.explained),
+        by_chamfer_m=unseen_chamfer_m(linear, problem.prior),
     )
     return settled(fitted, found)
 
@@ -185,9 +188,12 @@ def _covered(linear: Equations) -> float:
 def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | None:
     """Fit a clean edge to the intensities beside it, from a state (14,) of where its returns part.
 
-    None where they do not fade over the edge as a footprint's power does, all round.
+    None where they do not fade over the edge as a footprint's power does, all round. Of round edges
+    with a chamfer, unless one is stated; straight ones may have a width that is wrong by as much.
     """
-    problem = replace(problem, prior=problem.prior.by_intensity())
+    prior = problem.prior.by_intensity()
+    free = prior.is_sharp and not problem.outline.shows_rotation
+    problem = replace(problem, prior=prior.bevelled() if free else prior)
     begin, ratio = problem.prior.mean.copy(), float(np.exp(state[RATIO]))
     pose = [*range(INVERSE + 1), ROTATION]
     begin[pose] = state[pose]
@@ -213,6 +219,7 @@ def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | Non
         reflectance_ratio=ratio,
         exponent=fitted.reflectance_ratio,
         unlike_m=BY_MIXED * fitted.spot_m if is_mixed(problem, found.state) else 0.0,
+        by_chamfer_m=unseen_chamfer_m(found.equations, problem.prior),
     )
 
 

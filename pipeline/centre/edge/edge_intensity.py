@@ -1,10 +1,11 @@
 """Intensity of the target's points at an edge whose beams return one surface each.
 
 A beam at the edge has only part of its footprint on the target, and its return has that part of the
-power, whatever is behind: at x outside the edge 1 - F(a) + o (F(a) - F(b)) of that inside it, with
-the shares of mixed_pixel.py. So the intensities of the target's points show where its edge is, and
-points of many beams do. Where target and background part shows it worse: that depends on the
-background's brightness, which is another in each part of the edge.
+power, whatever is behind: at x outside a sharp edge 1 - F(a) + o (F(a) - F(b)) of that inside it,
+with the shares of mixed_pixel.py; a chamfer returns a part in between. So the intensities of the
+target's points show where its edge is, and points of many beams do. Where target and background
+part shows it worse: that depends on the background's brightness, which is another in each part of
+the edge.
 
 An intensity need not be proportional to power: it is taken as a power of it, by an exponent.
 """
@@ -18,13 +19,16 @@ import numpy as np
 from ...targets import sector
 from ...vectors import NORMAL_OF_MAD, Array, Array32, Mask
 from .beams import (
+    CHAMFER,
     GROWTH,
     RATIO,
     SHAPE,
     SPOT,
     STATE,
     THICKNESS,
+    WALL,
     Beams,
+    bevel_reflectance,
     footprint_m,
     reaching,
     wall_reflectance,
@@ -209,33 +213,44 @@ def _intensities(
 
 
 def intensity_profile(beams: Beams, state: Array) -> EdgeProfile:
-    """Return the intensity (N,) of a return by face and wall, of that of the face, as its 'depth'.
+    """Return the intensity (N,) of a return by face, chamfer and wall, of the face's, as 'depth'.
 
     And its derivatives, by the log of the exponent instead of that of the reflectance ratio.
     """
     thickness, exponent = float(np.exp(state[THICKNESS])), float(np.exp(state[EXPONENT]))
     spot_m = footprint_m(beams.tau, state)
-    facing = np.maximum(beams.tau, 0.0)
-    a, b = beams.x_m / spot_m, (beams.x_m - thickness * facing) / spot_m
+    facing, chamfer = np.maximum(beams.tau, 0.0), float(state[CHAMFER])
+    a, c = (beams.x_m + chamfer) / spot_m, (beams.x_m - chamfer * beams.tau) / spot_m
+    b = np.where(beams.tau > 0.0, (beams.x_m - thickness * facing) / spot_m, c)
     profile = profile_of(float(state[SHAPE]))
-    at_a, at_b = profile.at(a), profile.at(b)
-    o = wall_reflectance(facing, state)[0]
-    power = 1.0 - at_a.share + o * (at_a.share - at_b.share)
+    at_a, at_c, at_b = profile.at(a), profile.at(c), profile.at(b)
+    # Reflectances of the wall, 0 where it is not seen, and of the chamfer.
+    o = np.where(beams.tau > 0.0, wall_reflectance(facing, state)[0], 0.0)
+    w = bevel_reflectance(beams.tau, float(state[WALL]))
+    power = 1.0 - at_a.share + w * (at_a.share - at_c.share) + o * (at_c.share - at_b.share)
     shown = power > LEAST_POWER
     power = np.maximum(power, LEAST_POWER)
     intensity = power**exponent
     rate = np.where(shown, exponent * intensity / power, 0.0)
-    fa, fb = at_a.density / spot_m, at_b.density / spot_m
+    fa, fc, fb = at_a.density / spot_m, at_c.density / spot_m, at_b.density / spot_m
     nothing = np.zeros(len(power))
     return EdgeProfile(
         depth_m=intensity,
-        d_x=rate * (o * (fa - fb) - fa),
+        d_x=rate * (w * (fa - fc) + o * (fc - fb) - fa),
         d_tau=rate * o * fb * thickness,
-        d_log_spot=rate * ((1.0 - o) * at_a.density * a + o * at_b.density * b),
+        d_log_spot=rate * spot_m * ((1.0 - w) * fa * a + (w - o) * fc * c + o * fb * b),
         d_thickness=rate * o * fb * facing,
         d_log_ratio=exponent * intensity * np.log(power),
-        d_wall=rate * (at_a.share - at_b.share),
-        d_shape=rate * ((o - 1.0) * at_a.share_by_shape - o * at_b.share_by_shape),
+        d_wall=rate * (at_c.share - at_b.share),
+        d_shape=rate
+        * (
+            (w - 1.0) * at_a.share_by_shape
+            + (o - w) * at_c.share_by_shape
+            - o * at_b.share_by_shape
+        ),
         background_share=nothing,
         by_background=nothing,
+        d_chamfer=rate * ((w - 1.0) * fa + (w - o) * beams.tau * fc),
+        d_lean=rate * (w - o) * fc * chamfer,
+        d_bevel=rate * (at_a.share - at_c.share),
     )

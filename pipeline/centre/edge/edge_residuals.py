@@ -322,7 +322,7 @@ def predicted(
         float(state[SHAPE]),
         beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
         float(state[CHAMFER]),
-        bevel_reflectance(beams.tau, state),
+        bevel_reflectance(beams.tau, float(state[WALL])),
         None if modulation is None else modulation * (1.0 + float(state[BEAM] @ state[BEAM])),
     )
     profile = replace(profile, d_x=profile.d_x + profile.by_background * behind_slope)

@@ -53,6 +53,7 @@ from .solution import (
     settled,
     unexplained,
     unexplained_by_sector,
+    unseen_chamfer_m,
 )
 
 # Scatter of the zones' reflectances, in logs, from which each has its own; in a first fit, and the
@@ -70,7 +71,7 @@ ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
-LOST = 0.25  # of a side, without a background: it may lie elsewhere
+LOST = 0.5  # of a side, without a background: it may lie elsewhere
 OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than stated
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
 # be right where no other explains as much.
@@ -78,6 +79,7 @@ TENSE, MOST_TENSE = 2.0, 6.0
 LIKELY = 3.0  # standard deviations of a size that may be so
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 3e-3  # that an edge may seem to have, and may have
+BY_CHAMFER = 0.58  # of what a chamfer would move that may be a wrong width: any part of it
 LEAST_SHARP_M = -3e-5  # that a sharp edge may seem to have
 BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
@@ -248,9 +250,10 @@ def _freed(
     where they do not explain such a size.
     """
     most = config.max_iterations
-    steep = float(np.hypot(*plain.state[BEAM])) > STEEP
-    if problem.few or steep or plain.last_m > CONVERGED_M:
+    if problem.few or plain.last_m > CONVERGED_M:
         return problem, plain
+    if float(np.hypot(*plain.state[BEAM])) > STEEP:
+        return problem, _as_if_sharp(problem, plain)
     phased = problem
     if problem.prior.is_of_means and config.ambiguity_m is None:
         phased = replace(problem, prior=problem.prior.by_phase())
@@ -263,9 +266,26 @@ def _freed(
     found = _near(phased, plain, most)
     if found.last_m > CONVERGED_M or (doubted and _may_be_of_another_size(phased, found)):
         phased, found = problem, plain
-    if bevelled is None or bevelled.last_m > CONVERGED_M or bevelled.state[CHAMFER] < 0.0:
-        return phased, found
-    return phased, replace(found, by_chamfer_m=(bevelled.state - found.state)[CENTRE])
+    return phased, _as_if_sharp(phased, found, bevelled)
+
+
+def _as_if_sharp(
+    problem: EdgeProblem, found: Solution, bevelled: Solution | None = None
+) -> Solution:
+    """Return the solution of an edge that counts as sharp, with how far its chamfer may move it.
+
+    bevelled: solution with one that the data ask for, but which may be a wrong width: any part of
+    it may be so, and where that is more than one of CHAMFER_M, it counts.
+    """
+    may = replace(problem, prior=problem.prior.bevelled())
+    linear = equations(may, found.background, found.state, found.zones, True, True)
+    by_chamfer_m = unseen_chamfer_m(linear, problem.prior)
+    if by_chamfer_m is None:
+        return found
+    if bevelled is not None and bevelled.last_m < CONVERGED_M and bevelled.state[CHAMFER] > 0.0:
+        asked_m = BY_CHAMFER * (bevelled.state - found.state)[CENTRE]
+        by_chamfer_m = max(by_chamfer_m, asked_m, key=lambda move: float(move @ move))
+    return replace(found, by_chamfer_m=by_chamfer_m)
 
 
 def _bevelled(problem: EdgeProblem, sharp: Solution, most: int) -> Solution:

@@ -14,6 +14,7 @@ from .beams import (
     BEAM,
     CENTRE,
     CHAMFER,
+    CHAMFER_M,
     GROWTH,
     INVERSE,
     MODULATION,
@@ -67,8 +68,8 @@ class EdgeFit:
     by which the centre would move if it were not, where that is in doubt; thickness_pull: by how
     many standard deviations of what the data may move it they pull the stated one, None where
     none is stated.
-    by_chamfer_m: (2,) by which it would move with a chamfer that the data ask for, but which may
-    be a wrong width.
+    by_chamfer_m: (2,) by which the centre would move with a chamfer (k = 1), where the edge counts
+    as sharp without being stated so.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
@@ -179,6 +180,16 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         by_chamfer_m=found.by_chamfer_m,
         lost=_lost(found.background.usable, problem.outline),
     )
+
+
+def unseen_chamfer_m(linear: Equations, prior: Prior) -> Array | None:
+    """Return by how far (2,) the chamfer of an edge that counts as sharp may move its centre.
+
+    By one of CHAMFER_M; None where the chamfer is stated. linear: with slopes by the chamfer.
+    """
+    if not prior.is_sharp:
+        return None
+    return CHAMFER_M * along(linear, prior.bevelled(), CHAMFER)[CENTRE]
 
 
 def as_stretched(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> EdgeFit:
