@@ -154,6 +154,7 @@ def to_thrust_line(normals, centres, names):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_toe_of_a_trial_to_the_thrust_line_is_that_of_the_vehicle_as_it_stands():
     """Value and covariance, by plain directions and by 20,000 draws of what the wheels share."""
     item, names = declared(toe={"axis": "thrust-line"}), list(REFERENCE.wheels)

@@ -114,6 +114,7 @@ def test_what_no_slip_explains_is_no_doubt():
     assert doubted(x, small, u=0.1) == {3: OTHER_SIGN_AT}
 
 
+@pytest.mark.slow
 def test_honest_machines_are_not_doubted():
     """Zero errors, gains, hysteresis, scatter and steps of any size, from 4 to 16 points."""
     for seed in range(HONEST):

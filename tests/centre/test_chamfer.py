@@ -57,6 +57,7 @@ def test_a_chamfer_that_is_not_stated_is_found_and_moves_no_centre(chamfer_m, in
     assert min(widths) >= 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius_m", [5e-4, 1e-3])
 def test_a_rounded_edge_is_in_the_uncertainty(radius_m):
     """It passes for a chamfer of half its radius; 0.03 mm off at 0.015 without its share."""

@@ -86,6 +86,7 @@ def test_a_finer_grid_gives_a_smaller_uncertainty():
     assert np.trace(fine.covariance_m2) < 0.25 * np.trace(wide.covariance_m2)
 
 
+@pytest.mark.slow
 def test_a_background_that_was_seen_from_elsewhere_moves_no_centre():
     """A disc whose surroundings are empty, a ring far behind it, and beams that do not explain it.
 

@@ -289,6 +289,7 @@ def test_a_thickness_that_the_edge_confirms_is_used(thickness_m, incidence_deg):
     assert square < stats.chi2.ppf(0.999, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stated_m", [0.01, 0.003])
 def test_few_points_do_not_hide_a_wrong_thickness(stated_m):
     """300 points, each time with the other thickness: squares of errors over u^2, of 12 scans."""
@@ -333,6 +334,7 @@ def test_only_what_ends_inside_unevenly_with_nothing_beyond_may_be_cut():
     assert u_m > 3.0 * OUTLINE_EDGE_M
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("growth_m", [-0.0015, 0.0015])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_size_that_the_edge_contradicts_is_refused(name, growth_m):
@@ -426,6 +428,7 @@ def test_no_size_moves_a_centre_beyond_its_uncertainty_unnoticed(name, growth_m)
         assert np.hypot(*error_m(cloud, view, found.estimate)) < 3.72 * u_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("growth_m", [-0.001, 0.0, 0.001])
 @pytest.mark.parametrize(
     "name", ["disc-250", pytest.param("rectangle-360x240", marks=pytest.mark.slow)]

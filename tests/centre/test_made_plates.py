@@ -46,6 +46,7 @@ def squares(folder, case, seed, names, target="disc-250"):
             yield off @ np.linalg.solve(covariance, off), fitted.edge_fit.spot_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "name"), [(12, "FL"), (13, "RR")])
 def test_a_step_close_behind_the_edge_makes_no_smaller_footprint(tmp_path, seed, name):
     ((square, spot_m),) = squares(tmp_path, "quiet", seed, [name])
@@ -53,6 +54,7 @@ def test_a_step_close_behind_the_edge_makes_no_smaller_footprint(tmp_path, seed,
     assert spot_m == pytest.approx(0.0015, abs=5e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 4])
 def test_a_chamfer_before_lambert_s_walls_is_in_the_uncertainty(tmp_path, seed):
     found = [square for square, _ in squares(tmp_path, "lambert", seed, WHEELS)]
