@@ -482,10 +482,13 @@ def _nearest(
         parted.between(beams.tau, row) for row in table
     )
     nothing = np.zeros(len(chosen))
+    # On the far side by the chamfer alone, without the footprint's growth.
+    grown = by_spot * beams.tau / (1.0 + beams.tau**2)
+    by_lean = np.where(beams.tau > 0.0, 0.0, by_tau - grown)
     profile = EdgeProfile(
         depth_m=nothing,
         d_x=nothing - 1.0,
-        d_tau=-state[WALL] * by_wall,  # profile_slopes adds it, as part of by_tau
+        d_tau=by_tau - state[WALL] * by_wall,  # profile_slopes adds the latter
         d_log_spot=by_spot,
         d_thickness=by_thickness,
         d_log_ratio=by_ratio,
@@ -494,7 +497,7 @@ def _nearest(
         background_share=nothing,
         by_background=nothing,
         d_chamfer=by_chamfer,
-        d_lean=by_tau - by_bevel * bevel_slopes(beams.tau, state)[0],
+        d_lean=by_lean - by_bevel * bevel_slopes(beams.tau, state)[0],
         d_bevel=by_bevel,
     )
     residual, variance = off_m, u_m**2

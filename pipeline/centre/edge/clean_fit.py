@@ -188,12 +188,10 @@ def _covered(linear: Equations) -> float:
 def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | None:
     """Fit a clean edge to the intensities beside it, from a state (14,) of where its returns part.
 
-    None where they do not fade over the edge as a footprint's power does, all round. Of round edges
-    with a chamfer, unless one is stated; straight ones may have a width that is wrong by as much.
+    None where they do not fade over the edge as a footprint's power does, all round. Without a
+    chamfer that is not stated: one would explain intensities that follow no power.
     """
-    prior = problem.prior.by_intensity()
-    free = prior.is_sharp and not problem.outline.shows_rotation
-    problem = replace(problem, prior=prior.bevelled() if free else prior)
+    problem = replace(problem, prior=problem.prior.by_intensity())
     begin, ratio = problem.prior.mean.copy(), float(np.exp(state[RATIO]))
     pose = [*range(INVERSE + 1), ROTATION]
     begin[pose] = state[pose]
