@@ -71,7 +71,7 @@ ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
-LOST = 0.5  # of a side, without a background: it may lie elsewhere
+LOST = 0.25  # of a side, without a background: it may lie elsewhere
 OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than stated
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
 # be right where no other explains as much.
