@@ -63,7 +63,11 @@ def test_a_chamfer_before_lambert_s_walls_is_in_the_uncertainty(tmp_path, seed):
 
 @pytest.mark.parametrize(
     ("case", "target"),
-    [("quiet", "rectangle-360x240"), ("quiet", "pattern-circles"), ("strongest", "disc-250")],
+    [
+        ("quiet", "rectangle-360x240"),
+        pytest.param("quiet", "pattern-circles", marks=pytest.mark.slow),
+        pytest.param("strongest", "disc-250", marks=pytest.mark.slow),
+    ],
 )
 def test_a_chamfer_that_no_fit_shows_is_in_the_uncertainty(tmp_path, case, target):
     """Where a part of a side has no background, and where intensities show the edge.
