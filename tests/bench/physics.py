@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.support.made import as_toml
 from tests.support.scenes import Array
 from tests.support.thinned import least_distance
 from wheelplane.capture.open_capture import open_capture
@@ -215,11 +216,8 @@ def scanner_file(folder: Path, values: Values, base: str = "default") -> Path:
     for key, value in values.items():
         table, _, name = key.partition(".")
         tree.setdefault(table, {})[name] = value
-    lines = []
-    for table, content in tree.items():
-        lines += [f"[{table}]", *(f"{key} = {json.dumps(v)}" for key, v in content.items())]
     file = folder / "scanner.toml"
-    file.write_text("\n".join(lines) + "\n")
+    file.write_text(as_toml(tree))
     return file
 
 
@@ -252,15 +250,7 @@ def _shipped(target: str) -> str:
 
 
 def _target_file(file: Path, plate: Values) -> Path:
-    rows = [
-        f"{key} = {json.dumps(v)}"
-        for key, v in plate.items()
-        if v is not None and v != 0.0 and not isinstance(v, dict)
-    ]
-    for name, table in plate.items():
-        if isinstance(table, dict):
-            rows += [f"[{name}]", *(f"{key} = {json.dumps(v)}" for key, v in table.items())]
-    file.write_text("\n".join(rows) + "\n")
+    file.write_text(as_toml({k: v for k, v in plate.items() if v is not None and v != 0.0}))
     return file
 
 

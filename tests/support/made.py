@@ -29,13 +29,18 @@ def changed(path: Path, folder: Path, values: dict[str, object]) -> Path:
     for key, value in values.items():
         table, _, name = key.rpartition(".")
         (tree[table] if table else tree)[name] = value
+    copied = folder / f"{len(list(folder.iterdir()))}-{path.name}"
+    copied.write_text(as_toml(tree))
+    return copied
+
+
+def as_toml(tree: dict[str, object]) -> str:
+    """The text of a parameter file: its keys, then its tables of keys."""
     tables = {k: v for k, v in tree.items() if isinstance(v, dict)}
     lines = [f"{k} = {json.dumps(v)}" for k, v in tree.items() if k not in tables]
     for table, content in tables.items():
         lines += [f"[{table}]", *(f"{k} = {json.dumps(v)}" for k, v in content.items())]
-    copied = folder / f"{len(list(folder.iterdir()))}-{path.name}"
-    copied.write_text("\n".join(lines) + "\n")
-    return copied
+    return "\n".join(lines) + "\n"
 
 
 def write_small_capture(folder: Path, trials: int = 1, seed: int = 1) -> Path:

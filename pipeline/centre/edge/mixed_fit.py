@@ -274,14 +274,15 @@ def _as_if_sharp(
 ) -> Solution:
     """Return the solution of an edge that counts as sharp, with how far its chamfer may move it.
 
-    bevelled: solution with one that the data ask for, but which may be a wrong width: any part of
-    it may be so, and where that is more than one of CHAMFER_M, it counts.
+    As it is where the chamfer is stated. bevelled: solution with one that the data ask for, but
+    which may be a wrong width: any part of it may be so, and where that is more than one of
+    CHAMFER_M, it counts.
     """
+    if not problem.prior.is_sharp:
+        return found
     may = replace(problem, prior=problem.prior.bevelled())
     linear = equations(may, found.background, found.state, found.zones, True, True)
     by_chamfer_m = unseen_chamfer_m(linear, problem.prior)
-    if by_chamfer_m is None:
-        return found
     if bevelled is not None and bevelled.last_m < CONVERGED_M and bevelled.state[CHAMFER] > 0.0:
         asked_m = BY_CHAMFER * (bevelled.state - found.state)[CENTRE]
         by_chamfer_m = max(by_chamfer_m, asked_m, key=lambda move: float(move @ move))

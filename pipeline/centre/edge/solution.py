@@ -182,13 +182,13 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
     )
 
 
-def unseen_chamfer_m(linear: Equations, prior: Prior) -> Array | None:
+def unseen_chamfer_m(linear: Equations, prior: Prior) -> Array:
     """Return by how far (2,) the chamfer of an edge that counts as sharp may move its centre.
 
-    By one of CHAMFER_M; None where the chamfer is stated. linear: with slopes by the chamfer.
+    By one of CHAMFER_M; 0 where the chamfer is stated. linear: with slopes by the chamfer.
     """
     if not prior.is_sharp:
-        return None
+        return np.zeros(2)
     return CHAMFER_M * along(linear, prior.bevelled(), CHAMFER)[CENTRE]
 
 
