@@ -3,9 +3,10 @@
 .venv/bin/python -m tests.bench.intervals [--vehicles 1000] [--mode all] [--jobs 2] [--seed 0]
 
 Each vehicle is drawn from configs/vehicles/saloon.toml; each wheel is scanned in closed form
-(tests/support/scenes.py): a 250 mm disc before a tilted background, 7,400 beams
-on it 2.5 mm apart with 0.8 mm of noise, and a 1.5 mm spot with mixed pixels at every edge, so that
-the whole program runs as on a real scan, from files to angles, in a sixth of a second a wheel.
+(tests/support/scenes.py): a 250 mm disc before a tilted background, 7,400 beams on it 2.5 mm apart
+with 0.8 mm of noise, and a 1.5 mm spot with mixed pixels at every edge, so that the whole program
+runs as on a real scan, from files to angles, in a sixth of a second a wheel. Plates are as made:
+their sizes are the stated ones but for what a shop leaves; the first mode states their chamfer.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np  # noqa: E402
 from scipy import stats  # noqa: E402
 
+from tests.support.made import RADIUS_M  # noqa: E402
 from tests.support.scenes import Setup, make  # noqa: E402
 from wheelplane.capture.open_capture import open_capture  # noqa: E402
 from wheelplane.config import Config, config_file, load_config  # noqa: E402
@@ -36,12 +38,16 @@ from wheelplane.measurement.records import Measurement  # noqa: E402
 from wheelplane_synth.output.files import capture_toml, ply, scan_file  # noqa: E402
 from wheelplane_synth.output.truth import Truth  # noqa: E402
 from wheelplane_synth.parameters.parameters import VehicleFile  # noqa: E402
+from wheelplane_synth.parameters.plate_file import TargetFile  # noqa: E402
 from wheelplane_synth.parameters.recipe import read_recipe  # noqa: E402
 from wheelplane_synth.parameters.target_file import read_target  # noqa: E402
 from wheelplane_synth.vehicle.vehicle import WHEELS, draw_vehicle, draw_wheel  # noqa: E402
 
 ARCSEC = np.degrees(1.0) * 3600.0
 NOISE_M = 0.0008
+# Of a plate as made: standard deviations of its radius and of its thickness, relative; chamfer that
+# deburring leaves, uniform from 0, where none is stated; standard uncertainty of a stated one.
+SIZE_M, THICKNESS, MOST_CHAMFER_M, CHAMFER_U_M = 0.0001, 0.03, 0.0005, 0.00005
 SCENE = Setup(spacing_m=0.0025, half_width_m=0.2, noise_m=NOISE_M, pairs=12)
 
 
@@ -55,7 +61,8 @@ def correlated(length_m: float, share: float = 0.5) -> dict[str, float]:
 
 
 MODES: dict[str, dict[str, float]] = {
-    "independent": {},
+    "independent": {"chamfer_m": 0.0002},
+    "unstated": {},
     "correlated-5": correlated(0.005),
     "correlated-10": correlated(0.010),
     "correlated-20": correlated(0.020),
@@ -145,20 +152,20 @@ def one_vehicle(
     rng = np.random.default_rng([seed, index])
     recipe = read_recipe(config_file("vehicles", "saloon"), VehicleFile)
     plate = read_target(config_file("targets", "disc-250"))
-    plate = plate.model_copy(update={"flatness": changes.get("flatness_m", 0.0)})  # as stated
+    stated = {"flatness": changes.get("flatness_m", 0.0), "chamfer": changes.get("chamfer_m")}
+    plate = plate.model_copy(update=stated)
     car = draw_vehicle(recipe, rng)
     wheels = tuple(draw_wheel(car, recipe, name, rng) for name in WHEELS)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         for wheel in wheels:
             setup = SCENE.but(
-                thickness_m=plate.thickness,
                 distance_m=rng.uniform(2.0, 3.0),
                 incidence_deg=rng.uniform(3.0, 25.0),
                 azimuth_deg=rng.uniform(0.0, 360.0),
                 background_m=rng.uniform(0.06, 0.14),
                 background_tilt_deg=rng.uniform(0.0, 6.0),
-                **changes,
+                **changes | _as_made(plate, rng),
             )
             points = make(setup, rng, car.T_site_vehicle @ wheel.T_vehicle_target).points_m
             bytes_ = ply(points, np.ones(len(points), dtype=np.float32))
@@ -170,6 +177,20 @@ def one_vehicle(
         except InputError:  # a target that is refused states no uncertainty
             return None
     return judged(measurement, Truth(seed, car, wheels, {}).to_json())
+
+
+def _as_made(plate: TargetFile, rng: np.random.Generator) -> dict[str, float]:
+    """Draw the sizes of a plate, as changes to a Setup."""
+    off, thicker, chamfer = rng.standard_normal(3).clip(-2.0, 2.0)
+    if plate.chamfer is None:
+        chamfer_m = rng.uniform(0.0, MOST_CHAMFER_M)
+    else:
+        chamfer_m = max(plate.chamfer + CHAMFER_U_M * chamfer, 0.0)
+    return {
+        "radius_m": RADIUS_M + float(SIZE_M * off),
+        "thickness_m": float(plate.thickness * (1.0 + THICKNESS * thicker)),
+        "chamfer_m": float(chamfer_m),
+    }
 
 
 def judged(measurement: Measurement, truth: dict) -> dict[str, Scores]:
