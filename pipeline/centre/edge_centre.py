@@ -61,7 +61,7 @@ MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre 
 # Difference of straight edges by mixed pixels and by points, of its standard uncertainty:
 # tolerated; proof of another shape.
 APART, WORST_APART = 3.0, 5.0
-WITH_INTENSITY = 4  # columns of points whose intensities are known
+WITH_INTENSITY = 5  # columns of points whose intensities are known
 BESIDE = 1.3  # radii of a footprint, beyond a clean edge, that still return the target
 FULL_SLOPE = 0.5  # of the beams, from which a whole radius of the footprint meets the wall
 # Of the spacing: half the difference of two edges that rows of points run along, each of whose last
@@ -432,7 +432,7 @@ def _by_mixed_pixels(
     To intensities, where nothing behind the edge shows the beams' direction. Where a fit is not
     likely, again with beams from the distance that it found: a wrong one to start from leads to
     such solutions, too.
-    near: points (N, 3 or 4) about the outline. begin: as in `fit_edge`; None: found from more.
+    near: points (N, 3 or 5) about the outline. begin: as in `fit_edge`; None: found from more.
     """
     fit = _fit(view, outline)
     edge_fit = None if begin is None else fit(near, begin=begin)

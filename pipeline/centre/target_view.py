@@ -38,11 +38,12 @@ class TargetView:
         slope: float = GENTLE_SLOPE,
         even: bool = False,
     ) -> Array:
-        """Return the points that may matter to an outline, in plane coordinates (M, 3 or 4).
+        """Return the points that may matter to an outline, in plane coordinates (M, 3 or 5).
 
-        With their intensities, of that of the face, where known; NaN around the target. slope: of
-        the beams, by which points behind the plane are shifted aside per depth. even: those on the
-        target are thinned as those around it are, so that all beams count alike.
+        With intensities over that of the face, where known: of those on the target, NaN around it,
+        then of all. slope: of the beams, by which points behind the plane are shifted aside per
+        depth. even: those on the target are thinned as those around it are, so that all beams count
+        alike.
         """
         face, around = self._near_rows(outline, start, slope)
         return self._joined(self._thinned(face) if even else face, around)
@@ -74,12 +75,13 @@ class TargetView:
         on, off = self.parts
         both = on.T.take(face, axis=1), off.T.take(around, axis=1)
         joined = np.concatenate(both, axis=1, dtype=np.float64)
-        if self.patch.face_intensity is None or self._face_light is None:
+        lights = self.patch.face_intensity, self.patch.around_intensity
+        if lights[0] is None or lights[1] is None or self._face_light is None:
             return joined.T
-        seen = self.patch.face_intensity[face]
-        relative = relative_to_face(joined[:2, : len(face)].T, seen, self._face_light)
-        intensity = np.concatenate([relative, np.full(len(around), np.nan)])
-        return np.concatenate([joined, intensity[None]]).T
+        seen = np.concatenate([lights[0][face], lights[1][around]])
+        light = relative_to_face(joined[:2].T, seen, self._face_light)
+        of_target = np.where(np.arange(len(light)) < len(face), light, np.nan)
+        return np.concatenate([joined, of_target[None], light[None]]).T
 
     @cached_property
     def _face_light(self) -> Array | None:

@@ -97,16 +97,17 @@ def thin(points_m: npt.NDArray[Any], share: float) -> Mask:
 class Surroundings:
     """Points relative to a target's centre: all near its plane, and those around it.
 
-    face_m: (N, 3). intensity: (N,) of these, or None. around_m: (M, 3) in single precision, which
-    resolves 30 nm half a metre from the centre; after: (M,) how many of face_m stand before each in
-    the cloud, whose order both keep; share: of them that was kept.
+    face_m: (N, 3). around_m: (M, 3) in single precision, which resolves 30 nm half a metre from the
+    centre; after: (M,) how many of face_m stand before each in the cloud, whose order both keep;
+    share: of them that was kept. face_intensity, around_intensity: (N,) and (M,), or None.
     """
 
     face_m: Array
-    intensity: Array32 | None
     around_m: Array32
     after: Rows
     share: float
+    face_intensity: Array32 | None = None
+    around_intensity: Array32 | None = None
 
 
 def surroundings(
@@ -156,23 +157,24 @@ def surroundings(
     face_m = np.empty((starts[-1, 0], 3))
     around_m = np.empty((starts[-1, 1], 3), np.float32)
     after = np.empty(len(around_m), np.int64)
-    on_face_intensity = None if intensity is None else np.empty(len(face_m), np.float32)
+    seen = [None if intensity is None else np.empty(len(m), np.float32) for m in (face_m, around_m)]
 
     def fill(chunk: slice) -> None:
         number = chunk.start // ROWS_PER_CHUNK
         (a, b), (c, d) = starts[number], starts[number + 1]
         on_face, beside = chosen[number]
         after[b:d] = a + np.searchsorted(on_face, beside)
-        for rows, out in ((on_face, face_m[a:c]), (beside, around_m[b:d])):
+        places = (on_face, slice(a, c)), (beside, slice(b, d))
+        for (rows, place), out, light in zip(places, (face_m, around_m), seen, strict=True):
             if compiled is not None:
-                compiled.take(points_m[chunk], centre_m, rows, out)
+                compiled.take(points_m[chunk], centre_m, rows, out[place])
             else:
-                np.subtract(points_m[chunk].take(rows, axis=0), centre_m, out=out)
-        if on_face_intensity is not None and intensity is not None:
-            on_face_intensity[a:c] = intensity[chunk][on_face]
+                np.subtract(points_m[chunk].take(rows, axis=0), centre_m, out=out[place])
+            if light is not None and intensity is not None:
+                light[place] = intensity[chunk][rows]
 
     over_chunks(fill, len(points_m))
-    return Surroundings(face_m, on_face_intensity, around_m, after, share)
+    return Surroundings(face_m, around_m, after, share, *seen)
 
 
 def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:

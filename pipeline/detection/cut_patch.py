@@ -53,7 +53,8 @@ def cut_patch(
         match=candidate.match,
         basis=candidate.basis,
         sigma_m=candidate.sigma_m,
-        face_intensity=near.intensity,
+        face_intensity=near.face_intensity,
+        around_intensity=near.around_intensity,
         elsewhere=candidate.elsewhere,
     )
     if _points_backwards(candidate.basis.astype(np.float32) @ near.around_m.T, target.radius_m):

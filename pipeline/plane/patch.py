@@ -21,10 +21,10 @@ class Patch:
 
     origin_m: (3,) scanner frame, near the target's centre.
     face_m: (N, 3) all points near the target's plane, relative to origin_m, scanner axes.
-    face_intensity: (N,) float32 intensities of face_m, or None.
     around_m: (M, 3) float32, other points around, likewise relative, thinned where there are many;
     around_share: of them that was kept; around_after: (M,) how many of face_m stand before each in
     the file, whose order both keep; None where that is not known.
+    face_intensity, around_intensity: (N,) and (M,) float32 intensities of both, or None.
     match: score of the outline. sigma_m: rough noise across the plane.
     basis: (3, 3) rows: the target's axes u and v, then the normal towards the scanner.
     part: index of the cloud's part that holds the points. station_m: (3,) scanner frame, position
@@ -41,6 +41,7 @@ class Patch:
     basis: Array
     sigma_m: float
     face_intensity: Array32 | None = None
+    around_intensity: Array32 | None = None
     around_share: float = 1.0
     around_after: Rows | None = None
     part: int = 0
@@ -111,13 +112,14 @@ class Patch:
 
     def kept(self, face: Mask | Rows | slice, around: Mask | Rows | slice) -> Patch:
         """Return the patch with those of its points alone, rows of face_m and around_m."""
-        intensity = self.face_intensity
+        on_face, beside = self.face_intensity, self.around_intensity
         return replace(
             self,
             face_m=self.face_m[face],
             around_m=self.around_m[around],
             around_after=None,
-            face_intensity=None if intensity is None else intensity[face],
+            face_intensity=None if on_face is None else on_face[face],
+            around_intensity=None if beside is None else beside[around],
         )
 
     def turned_round(self) -> Patch:

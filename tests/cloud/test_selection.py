@@ -161,12 +161,14 @@ def test_surroundings_are_those_of_a_plain_mask(cloud, backend):
     near = surroundings(cloud, CENTRE, NORMAL, *slabs, len(cloud), intensity)
     assert near.share == 1.0
     np.testing.assert_array_equal(near.face_m, offset[on_face])
-    np.testing.assert_array_equal(near.intensity, intensity[on_face])
+    np.testing.assert_array_equal(near.face_intensity, intensity[on_face])
+    np.testing.assert_array_equal(near.around_intensity, intensity[around])
     np.testing.assert_array_equal(near.around_m, offset[around].astype(np.float32))
     some = surroundings(cloud, CENTRE, NORMAL, *slabs, np.count_nonzero(around) // 4)
     assert some.share == pytest.approx(0.25, rel=1e-3)
     np.testing.assert_array_equal(some.face_m, offset[on_face])
-    assert some.intensity is None
+    assert some.face_intensity is None
+    assert some.around_intensity is None
     expected = np.count_nonzero(around) / 4.0
     assert abs(len(some.around_m) - expected) < 5 * np.sqrt(expected)
 

@@ -1,4 +1,6 @@
-"""A disc scanned by beams of many rays, of whose returns a scanner reports one, with its power.
+"""A disc scanned by beams of many rays, of whose returns a scanner reports one, or their mean.
+
+With its power.
 
 Plane coordinates: the disc's face at depth 0, its wall down to the thickness, a background behind,
 whose brightness is another on each side. The beams are parallel, as seen from afar.
@@ -18,7 +20,9 @@ BACKGROUND_M = 0.12
 class PartedDisc:
     """Setup: slope (2,) of the beams per depth; bright and dark: background over the face.
 
-    side_rad: direction of the bright half of the background. returned: strongest, first or last.
+    side_rad: direction of the bright half of the background, or, with parts, of the middle of one
+    of so many bright sectors. returned: strongest, first or last, or the mean of both, weighted by
+    power; "unweighted": by the rays alone.
     """
 
     radius_m: float = 0.125
@@ -34,6 +38,7 @@ class PartedDisc:
     returned: str = "strongest"
     speckle: float = 0.03
     lambert: float = 0.8
+    parts: int = 0
 
     def scan(self, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Points (N, 3), w towards the scanner, and their intensities (N,), of the face 1."""
@@ -73,18 +78,23 @@ class PartedDisc:
         at = q + np.where(wall, met, 0.0)[..., None] * slope
         inward = np.maximum(-(at @ slope) / self.radius_m, 0.0)
         far = q + BACKGROUND_M * slope
-        lit = far @ [np.cos(self.side_rad), np.sin(self.side_rad)] > 0.0
+        turn = np.arctan2(far[..., 1], far[..., 0]) - self.side_rad
+        lit = np.cos(max(self.parts, 1) * turn) > 0.0
         behind = ~face & ~wall
         light = np.where(face, 1.0, np.where(wall, self.lambert * inward, 0.0))
         front = light.sum(axis=1) / RAYS
         echo = np.where(behind, np.where(lit, self.bright, self.dark), 0.0)
         back = echo.sum(axis=1) / RAYS
+        depth = np.where(wall, met, 0.0) + later
+        if self.returned in ("mean", "unweighted"):
+            weight = light + echo if self.returned == "mean" else np.ones_like(light)
+            depth = np.where(behind, BACKGROUND_M + later, depth)
+            return np.sum(weight * depth, axis=1) / weight.sum(axis=1), front + back
         kept = {
             "strongest": front > back,
             "first": front > 0.01,
             "last": back < 0.01,
         }[self.returned]
-        depth = np.where(wall, met, 0.0) + later
         near = np.sum(light * depth, axis=1) / np.maximum(light.sum(axis=1), 1e-12)
         deep = np.sum(echo * (BACKGROUND_M + later), axis=1) / np.maximum(echo.sum(axis=1), 1e-12)
         return np.where(kept, near, deep), np.where(kept, front, back)

@@ -35,7 +35,8 @@ NEXT_M, OFF_ROUGH, OFF_SHARE, LEAST_OTHER, MOST_OTHER = 0.003, 4.0, 0.15, 3, 0.3
 class Background:
     """Clean background by sector, (K,) each: a line of depth over x, and where it can be used.
 
-    depth_m at from_m outside the edge; slope; spread_m about the line.
+    depth_m at from_m outside the edge; slope; spread_m about the line. log_light: (K,) logs of its
+    intensities over that of the middle sector; None where they are unknown.
     """
 
     depth_m: Array
@@ -43,6 +44,13 @@ class Background:
     slope: Array
     spread_m: Array
     usable: Mask
+    log_light: Array | None = None
+
+    def lighter(self, part: npt.NDArray[np.int64]) -> Array:
+        """Return the logs (N,) of the intensities in sectors (N,), 0 where they are unknown."""
+        if self.log_light is None:
+            return np.zeros(len(part))
+        return np.asarray(self.log_light[part])
 
     def at(self, part: npt.NDArray[np.int64], x_m: Array) -> tuple[Array, Array]:
         """Return depth and its slope (N,) in sectors (N,), x_m (N,) outside the edge."""
@@ -55,12 +63,13 @@ class Background:
         return sector(beams.share, len(self.usable))
 
 
-def look_up(beams: Beams, depth: Array, state: Array) -> Background:
+def look_up(beams: Beams, depth: Array, state: Array, light: Array | None = None) -> Background:
     """Return the background just beyond the edge, by sector.
 
     A line through the medians of the ring's inner and outer half (Brown and Mood); through the
     median of all where either holds fewer than LEAST_IN_HALF points. A sector is of no use where
     another surface lies between the edge and that background, as a spoke before an opening does.
+    light: (N,) intensities, NaN where unknown, which the background then has as well.
     """
     wall = np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
     beyond = beams.x_m - np.exp(state[SPOT]) - wall
@@ -89,12 +98,28 @@ def look_up(beams: Beams, depth: Array, state: Array) -> Background:
         usable = (size >= least) & (spread < most * depth_m)
     clean = Background(depth_m, middle, slope, spread, usable)
     beside = np.flatnonzero((beyond > 0.0) & (beyond < NEXT_M))
-    part = sector(beams.share[beside], count)
-    behind, _ = clean.at(part, beams.x_m[beside])
-    off_m = np.maximum(OFF_ROUGH * spread[part], OFF_SHARE * behind)
-    other = np.bincount(part, np.abs(depth[beside] - behind) > off_m, count)
-    shown = other > np.maximum(MOST_OTHER * np.bincount(part, minlength=count), LEAST_OTHER - 1)
-    return replace(clean, usable=usable & ~shown)
+    here = sector(beams.share[beside], count)
+    behind, _ = clean.at(here, beams.x_m[beside])
+    off_m = np.maximum(OFF_ROUGH * spread[here], OFF_SHARE * behind)
+    other = np.bincount(here, np.abs(depth[beside] - behind) > off_m, count)
+    shown = other > np.maximum(MOST_OTHER * np.bincount(here, minlength=count), LEAST_OTHER - 1)
+    usable &= ~shown
+    log_light = None if light is None else _log_light(light[ring], part, usable, least)
+    return replace(clean, usable=usable, log_light=log_light)
+
+
+def _log_light(light: Array, part: npt.NDArray[np.int64], usable: Mask, least: int) -> Array:
+    """Return the logs (K,) of the intensities (N,) of sectors (N,), over that of the middle one.
+
+    0 of sectors that are not usable, or have not as many as `least`.
+    """
+    known = np.flatnonzero(light > 0.0)
+    (level,), size = _quantiles(light[known], part[known], len(usable), (0.5,))
+    sure = usable & (size >= least)
+    log = np.log(level, out=np.zeros(len(usable)), where=sure)
+    if sure.any():
+        log[sure] -= np.median(log[sure])
+    return log
 
 
 def _quantiles(

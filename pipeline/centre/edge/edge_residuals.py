@@ -51,6 +51,7 @@ UNEVEN_SECTORS, UNEVEN_SHARE, UNEVEN_MEAN, LEAST_UNEVEN = 90, 0.2, 0.6, 8
 FEW = 120  # points in the band of the edge: fewer count as few
 MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
 SCATTERS, NODES = np.geomspace(1.0, 20.0, 200), 40  # of Gaussian residuals of few points
+GAMMA_SIGMA = 3.0  # of the power of intensities by which backgrounds are bright (k = 1)
 RANK = 1e-6  # of a zone's information: least that the other parameters may leave of it
 
 
@@ -59,9 +60,10 @@ class EdgeProblem:
     """Points near the edge, (N, 2) in the plane and (N,) deep, in random order; the state's prior.
 
     few: too few of them to tell outliers, zones' reflectances, or the scatter of sectors.
-    station: (3,) that all beams come from, if known. intensity: (N,) of that
-    of the face, NaN where unknown, or None. left_out: (UNEVEN_SECTORS,) sectors of the outline
-    that are not used; None: such were not looked for.
+    station: (3,) that all beams come from, if known. intensity, light: (N,) of that of the face,
+    NaN where unknown, or None: of points on the target, and of all. gamma: power of the light with
+    which the background's reflectance goes. left_out: (UNEVEN_SECTORS,) sectors of the outline that
+    are not used; None: such were not looked for.
     """
 
     plane: Array
@@ -72,6 +74,8 @@ class EdgeProblem:
     few: bool = False
     station: Array | None = None
     intensity: Array | None = None
+    light: Array | None = None
+    gamma: float = 0.0
     left_out: Mask | None = None
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -84,22 +88,24 @@ class EdgeProblem:
     def near_edge(self, state: Array, band_m: tuple[float, float]) -> tuple[EdgeProblem, Beams]:
         """Return the points in a band about the edge, as `carry_near` does, and their beams."""
         rows, beams = carry_near(self.plane, self.depth, state, self.outline, band_m)
-        intensity = None if self.intensity is None else self.intensity[rows]
         plane = self.plane.T.take(rows, axis=1).T
-        near = replace(self, plane=plane, depth=self.depth[rows], intensity=intensity)
-        return near, beams
+        return self._of(rows, plane), beams
 
     def of_some(self, most: int) -> EdgeProblem:
         """Return the problem of so many of the points, as of a scan with a wider spacing."""
-        if len(self.depth) <= most:
+        if len(self.depth) <= most and (self.light is None or self.gamma != 0.0):
             return self
-        intensity = None if self.intensity is None else self.intensity[:most]
-        plane = np.asfortranarray(self.plane[:most])
-        return replace(self, plane=plane, depth=self.depth[:most], intensity=intensity)
+        return self._of(slice(0, most), np.asfortranarray(self.plane[:most]))
+
+    def _of(self, rows: Rows | slice, plane: Array) -> EdgeProblem:
+        """Return the problem of some points, with their light where it is used."""
+        intensity = None if self.intensity is None else self.intensity[rows]
+        light = None if self.light is None or self.gamma == 0.0 else self.light[rows]
+        return replace(self, plane=plane, depth=self.depth[rows], intensity=intensity, light=light)
 
     def background(self, state: Array) -> Background:
         """Return the background by sector at a state, of those that are not left out."""
-        found = look_up(self.beams(state), self.depth, state)
+        found = look_up(self.beams(state), self.depth, state, self.light)
         if self.left_out is None:
             return found
         middle = (np.arange(len(found.usable)) + 0.5) / len(found.usable)
@@ -278,7 +284,9 @@ def equations(
     kept = np.flatnonzero(band & beams.clear)
     beams, z, part = beams.taken(kept), z[kept], part[kept]
     modulation = None if problem.prior.is_of_means else float(state[MODULATION])
-    profile, variance = predicted(beams, part, background, state, zones, sigma_m, modulation)
+    profile, variance = predicted(
+        beams, part, background, state, zones, sigma_m, modulation, problem.gamma
+    )
     if problem.prior.is_sharp:
         profile = replace(profile, d_chamfer=0.0)
     residual = z - profile.depth_m
@@ -304,6 +312,7 @@ def predicted(
     zones: Zones,
     sigma_m: float,
     modulation: float | None = None,
+    gamma: float = 0.0,
 ) -> tuple[EdgeProfile, Array]:
     """Return the profile that beams before sectors (N,) of a background show, and the variance.
 
@@ -311,13 +320,16 @@ def predicted(
     """
     facing = np.maximum(beams.tau, 0.0)
     behind, behind_slope = background.at(part, beams.x_m)
+    log_ratio = state[RATIO] + zones.log[sector(beams.share, ZONES)]
+    if gamma != 0.0:
+        log_ratio += gamma * background.lighter(part)
     profile = edge_profile(
         beams.x_m,
         beams.tau,
         behind,
         footprint_m(beams.tau, state),
         float(np.exp(state[THICKNESS])),
-        np.exp(state[RATIO] + zones.log[sector(beams.share, ZONES)]),
+        np.exp(log_ratio),
         wall_reflectance(facing, state)[0],
         float(state[SHAPE]),
         beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
@@ -444,6 +456,24 @@ def stretched(
     score[GROWTH] = -more * state[GROWTH]
     score[-1] = left[:, -1] @ (linear.weight * linear.residual_m)
     return linear, prior, np.append(state, 0.0) + inverse @ score
+
+
+def power_of_light(
+    linear: Equations, background: Background, prior: Prior, gamma: float
+) -> tuple[float, float]:
+    """Return gamma after one step of it as one more parameter, and its standard uncertainty.
+
+    linear: at a solution with that gamma, before a background whose light is known.
+    """
+    linear = linear.shown
+    column = background.lighter(sector(linear.share, len(background.usable)))
+    column *= linear.slopes[:, RATIO]
+    linear = replace(linear, slopes=np.column_stack([linear.slopes, column]))
+    known = GAMMA_SIGMA**-2
+    prior = Prior(np.append(prior.mean, 0.0), np.append(prior.weight, known))
+    left, _, _, inverse = _normal_equations(linear, prior)
+    score = left[:, -1] @ (linear.weight * linear.residual_m) - known * gamma
+    return gamma + float(inverse[-1, -1] * score), float(np.sqrt(inverse[-1, -1]))
 
 
 def _variance(linear: Equations, dof: float) -> float:

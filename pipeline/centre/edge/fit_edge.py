@@ -73,7 +73,8 @@ def fit_edge(
 ) -> EdgeFit | None:
     """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
-    (N, 4) with their intensities, of that of the face, NaN where unknown.
+    (N, 5) with intensities over that of the face, NaN where unknown: of points on the target, and
+    of all, by which the background's brightness is known; (N, 4) without the latter.
 
     Where there are no mixed pixels, to the points on both sides of it (clean_edge.py).
     thickness_m, chamfer_m: of the target, where known. begin: where to start, as `aimed` returns
@@ -122,7 +123,7 @@ def fit_intensities(
     begin: Aim,
     chamfer_m: float | None = None,
 ) -> EdgeFit | None:
-    """Fit an outline to the intensities of points uvw_m (N, 4), and not to what is behind.
+    """Fit an outline to the intensities of points uvw_m (N, 4 or 5), and not to what is behind.
 
     Nothing but the returns of a wall shows the beams' direction: None where that counts.
     """
@@ -155,8 +156,11 @@ def _problem(
     near = uvw_m[np.abs(beside) < _reach_m(state)]
     near = near[sample_rows(near[:, :3], config.max_points)]
     few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
-    plane, intensity = np.asfortranarray(near[:, :2]), near[:, 3] if near.shape[1] > 3 else None
-    problem = EdgeProblem(plane, -near[:, 2], prior, outline, sigma_m, few, station, intensity)
+    plane = np.asfortranarray(near[:, :2])
+    intensity, light = (near[:, k] if near.shape[1] > k else None for k in (3, 4))
+    problem = EdgeProblem(
+        plane, -near[:, 2], prior, outline, sigma_m, few, station, intensity, light
+    )
     return problem.about(state), state
 
 

@@ -36,6 +36,7 @@ from .edge_residuals import (
     EdgeProblem,
     Zones,
     equations,
+    power_of_light,
     step,
     zone_scatter,
 )
@@ -82,6 +83,9 @@ LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 3e-3  # that an edge may seem to have, 
 BY_CHAMFER = 0.58  # of what a chamfer would move that may be a wrong width: any part of it
 LEAST_SHARP_M = -3e-5  # that a sharp edge may seem to have
 BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
+# Power of the background's light: over its u, from which on it is sought; of its search, the number
+# of steps, the one that ends it, and the one from which on solutions are sought anew.
+SURE_OF_GAMMA, MOST_GAMMAS, NEAR_GAMMA, FAR_GAMMA = 3.0, 3, 0.05, 0.25
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
 # square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
@@ -100,14 +104,16 @@ def fit_mixed(
     Without the stated thickness where the data pull it or the size, another one explains as much,
     and the data contradict the stated one then.
     """
+    most = config.max_iterations
     steep = float(np.hypot(*state[BEAM])) > STEEP
     if steep:  # footprint and beams would diverge with the wall
         problem = replace(problem, prior=problem.prior.plain())
     plain = problem
-    problem, found = _freed(*_best(problem, state, config.max_iterations), config)
+    problem, found = _lit(*_freed(*_best(problem, state, most), config), plain, state, config)
+    plain = replace(plain, gamma=problem.gamma)
     if steep and thickness_m is not None and _is_strange(found, problem.prior):
         held = replace(plain, prior=plain.prior.held(state))
-        problem, found = _freed(*_best(held, state, config.max_iterations), config)
+        problem, found = _freed(*_best(held, state, most), config)
     fitted = _recorded(found, problem)
     if fitted is None:
         return None
@@ -121,12 +127,12 @@ def fit_mixed(
         return stretched
     doubted = replace(plain, prior=plain.prior.doubted())
     if problem.few:
-        other = _again(doubted, found, config.max_iterations)
+        other = _again(doubted, found, most)
     else:
-        doubted, other = _freed(*_best(doubted, state, config.max_iterations), config)
+        doubted, other = _freed(*_best(doubted, state, most), config)
         if _reaches_background(other):
             doubted = replace(problem, prior=problem.prior.doubted())
-            other = _again(doubted, found, config.max_iterations)
+            other = _again(doubted, found, most)
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
         return stretched
@@ -237,6 +243,52 @@ def _where_stated(
     without = replace(problem, left_out=left_out)
     again = _again(without, stated, most)
     return (problem, found) if abs(again.state[GROWTH]) > OTHER_SIZE_M else (without, again)
+
+
+def _lit(
+    problem: EdgeProblem, found: Solution, plain: EdgeProblem, state: Array, config: CentreConfig
+) -> tuple[EdgeProblem, Solution]:
+    """Return the problem whose background is as bright as its intensities, with its solution.
+
+    To a power of them, sought from 1 on, as of a scanner that weighs what returns by its power. As
+    they are where its light explains nothing, or less than the zones' reflectances do.
+    plain: the problem of sharp edges and mean ranges, to be solved from a state.
+    """
+    if problem.few or problem.light is None or found.last_m > CONVERGED_M:
+        return problem, found
+    gamma, u = _power_of_light(problem, found)
+    if gamma < SURE_OF_GAMMA * u:
+        return problem, found
+    most = config.max_iterations
+    lit, first = _best(replace(plain, gamma=1.0), state, most)
+    freed, other = _freed(lit, first, config)
+    for _ in range(MOST_GAMMAS):
+        change = float(np.clip(_power_of_light(freed, other)[0] - lit.gamma, -1.0, 1.0))
+        if other.last_m > CONVERGED_M or abs(change) < NEAR_GAMMA:
+            break
+        if abs(change) < FAR_GAMMA:
+            lit = replace(lit, gamma=lit.gamma + change)
+            first = _again(lit, first, most)
+        else:
+            lit, first = _best(replace(plain, gamma=lit.gamma + change), state, most)
+        more, better = _freed(lit, first, config)
+        if unexplained(better) > unexplained(other):
+            break
+        freed, other = more, better
+    chance = BY_ZONES if other.zones.sigma < found.zones.sigma else BY_CHANCE
+    return (problem, found) if explains_less(other, found, by_chance=chance) else (freed, other)
+
+
+def _power_of_light(problem: EdgeProblem, found: Solution) -> tuple[float, float]:
+    """Return by which power of its light the background is bright, if zones are alike, and its u.
+
+    By one step from a solution.
+    """
+    linear = found.equations
+    if found.zones.sigma > ALIKE_LOG:
+        alike = Zones.alike()
+        linear = equations(problem, found.background, found.state, alike, False, True)
+    return power_of_light(linear, found.background, problem.prior, problem.gamma)
 
 
 def _freed(
