@@ -276,7 +276,9 @@ def _lit(
             break
         freed, other = more, better
     chance = BY_ZONES if other.zones.sigma < found.zones.sigma else BY_CHANCE
-    return (problem, found) if explains_less(other, found, by_chance=chance) else (freed, other)
+    if other.last_m > CONVERGED_M or explains_less(other, found, by_chance=chance):
+        return problem, found
+    return freed, other
 
 
 def _power_of_light(problem: EdgeProblem, found: Solution) -> tuple[float, float]:
