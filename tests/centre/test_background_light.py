@@ -102,9 +102,10 @@ def test_light_is_the_median_of_each_sector_over_that_of_the_middle_one():
     light[np.arange(len(light)) % 7 == 0] *= 50.0  # strays
     light[part == 3] = np.nan
     light[part == 4] = -1.0
+    light[part == 5] = np.inf
     found = look_up(beams, depth, state, light)
     np.testing.assert_array_equal(found.usable, dark.usable)
-    unknown = np.isin(np.arange(count), [3, 4])
+    unknown = np.isin(np.arange(count), [3, 4, 5])
     known = dark.usable & ~unknown
     assert np.count_nonzero(known) > 70
     expected = np.where(known, level - np.median(level[known]), 0.0)

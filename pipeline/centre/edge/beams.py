@@ -113,7 +113,7 @@ def _log_light(light: Array, part: npt.NDArray[np.int64], usable: Mask, least: i
 
     0 of sectors that are not usable, or have not as many as `least`.
     """
-    known = np.flatnonzero(light > 0.0)
+    known = np.flatnonzero((light > 0.0) & (light < np.inf))
     (level,), size = _quantiles(light[known], part[known], len(usable), (0.5,))
     sure = usable & (size >= least)
     log = np.log(level, out=np.zeros(len(usable)), where=sure)
