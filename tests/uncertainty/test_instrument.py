@@ -168,7 +168,10 @@ def test_ranges_are_shared_by_the_scanner_and_axes_by_the_station():
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_an_error_by_incidence_moves_centres_as_far_as_stated(tmp_path, sign):
-    """Edges included: errors in the plane are of the size of u, and far beyond u without it."""
+    """Edges included: errors in the plane are of the size of u, and far beyond u without it.
+
+    Of a target with sharp edges that are stated: an unknown chamfer moves centres along the beams.
+    """
     values = {
         "station.incidence_deg": [30.0, 40.0],
         "beam.incidence_bias_m": sign * 1e-3,
@@ -177,13 +180,13 @@ def test_an_error_by_incidence_moves_centres_as_far_as_stated(tmp_path, sign):
         "grid.half_width_m": 0.17,
     }
     scanner = changed(DEFAULT, tmp_path, values)
-    folder = tmp_path / "capture"
-    write_capture(folder, seed=3, vehicle=SALOON, scanner=scanner, target=DISC, trials=0)
+    folder, sharp = tmp_path / "capture", changed(DISC, tmp_path, {"chamfer": 0.0})
+    write_capture(folder, seed=3, vehicle=SALOON, scanner=scanner, target=sharp, trials=0)
     truth = {w["name"]: w for w in json.loads((folder / "truth.json").read_text())["wheels"]}
     ratios = {}
     for stated in (0.0, 1e-3):
         config = Config(instrument=InstrumentConfig(incidence_bias_m=stated))
-        with open_capture(folder) as capture:
+        with open_capture(folder, str(sharp)) as capture:
             wheels = measure_capture(capture, config).wheels
         ratios[stated] = [ratio_of(wheel.observation, truth) for wheel in wheels]
     assert np.all(np.abs(ratios[1e-3]) > 0.4)
