@@ -27,7 +27,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np  # noqa: E402
 from scipy import stats  # noqa: E402
 
-from tests.support.made import RADIUS_M  # noqa: E402
+from tests.support.made import MOST_CHAMFER_M, RADIUS_M, SIZE_M, THICKNESS  # noqa: E402
 from tests.support.scenes import Setup, make  # noqa: E402
 from wheelplane.capture.open_capture import open_capture  # noqa: E402
 from wheelplane.config import Config, config_file, load_config  # noqa: E402
@@ -45,9 +45,7 @@ from wheelplane_synth.vehicle.vehicle import WHEELS, draw_vehicle, draw_wheel  #
 
 ARCSEC = np.degrees(1.0) * 3600.0
 NOISE_M = 0.0008
-# Of a plate as made: standard deviations of its radius and of its thickness, relative; chamfer that
-# deburring leaves, uniform from 0, where none is stated; standard uncertainty of a stated one.
-SIZE_M, THICKNESS, MOST_CHAMFER_M, CHAMFER_U_M = 0.0001, 0.03, 0.0005, 0.00005
+CHAMFER_U_M = 0.00005  # of a stated one (k = 1)
 SCENE = Setup(spacing_m=0.0025, half_width_m=0.2, noise_m=NOISE_M, pairs=12)
 
 

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.made import as_toml
+from tests.support.made import MOST_CHAMFER_M, SIZE_M, THICKNESS, as_toml
 from tests.support.scenes import Array
 from tests.support.thinned import least_distance
 from wheelplane.capture.open_capture import open_capture
@@ -41,9 +41,6 @@ LEVEL = 0.95
 RATIO, INSIDE = (0.8, 1.25), (0.92, 0.985)  # wanted of rms error over rms u, and of the shares
 SHARED = 3  # times as many captures where scans share errors
 SEEDS = 10_000  # of a case
-# Of a plate: standard deviations of a radius or half a side, and of the thickness, relative, both
-# cut at two; width of the chamfer that deburring leaves, uniform from 0 to it.
-SIZE_M, THICKNESS, MOST_CHAMFER_M = 0.0001, 0.03, 0.0005
 BEYOND_M = 0.02  # the target, of the narrowest window
 Values = dict[str, Any]
 

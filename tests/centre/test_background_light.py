@@ -8,16 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.centre.test_edge_intensity import fitted, relative
 from tests.centre.test_edge_rows import DISC as OUTLINE
 from tests.centre.test_edge_rows import scene, state_of
 from tests.support.parted_returns import PartedDisc
-from wheelplane.centre.edge.beams import BEAM, INVERSE, Prior, look_up
-from wheelplane.centre.edge.edge_intensity import face_light, relative_to_face
-from wheelplane.centre.edge.fit_edge import Aim, fit_edge
-from wheelplane.config import CentreConfig
-from wheelplane.targets.outline import Circle
+from wheelplane.centre.edge.beams import look_up
 
-CONFIG, THICKNESS_M = CentreConfig(), 0.01
 DISC = PartedDisc(returned="mean", parts=9, spacing_m=0.0013, spot_m=0.0025, noise_m=2e-4)
 SEEDS = range(3)
 
@@ -30,17 +26,9 @@ def scanned(setup, seed):
 def located(setup, seed, law=lambda power: power, lit=True):
     """Fit to one scan; law: what the scanner reports of a return's power; lit: of all points."""
     points, power = scanned(setup, seed)
-    seen, on_face = law(power), np.abs(points[:, 2]) < 3.0 * setup.noise_m
-    light = face_light(points[on_face, :2], seen[on_face])
-    relative = relative_to_face(points[:, :2], seen, light)
-    of_target = np.where(on_face, relative, np.nan)
-    columns = [points, of_target, *([relative] if lit else [])]
-    state = Prior.of(THICKNESS_M, CONFIG).mean
-    state[BEAM], state[INVERSE] = np.array(setup.slope) + 0.01, 0.02
-    outline = Circle(setup.radius_m)
-    return fit_edge(
-        np.column_stack(columns), outline, THICKNESS_M, setup.noise_m, CONFIG, Aim(state)
-    )
+    light = relative(setup, points, law(power))
+    of_target = np.where(np.abs(points[:, 2]) < 3.0 * setup.noise_m, light, np.nan)
+    return fitted(setup, np.column_stack([points, of_target, *([light] if lit else [])]))
 
 
 @functools.cache

@@ -71,10 +71,20 @@ def located(setup, seed, intensity=True, law=lambda power: power, config=CONFIG)
     """Fit to one scan of a disc; law: what the scanner reports of a return's power."""
     points, power = setup.scan(seed)
     if intensity:
-        seen, on_face = law(power), np.abs(points[:, 2]) < 3.0 * setup.noise_m
-        light = face_light(points[on_face, :2], seen[on_face])
-        assert light is not None
-        points = np.column_stack([points, relative_to_face(points[:, :2], seen, light)])
+        points = np.column_stack([points, relative(setup, points, law(power))])
+    return fitted(setup, points, config)
+
+
+def relative(setup, points, seen):
+    """Intensities (N,) of points over that of the disc's face."""
+    on_face = np.abs(points[:, 2]) < 3.0 * setup.noise_m
+    light = face_light(points[on_face, :2], seen[on_face])
+    assert light is not None
+    return relative_to_face(points[:, :2], seen, light)
+
+
+def fitted(setup, points, config=CONFIG):
+    """Fit to points of a disc and their intensities, from beams that are nearly right."""
     state = Prior.of(THICKNESS_M, config).mean
     state[BEAM], state[INVERSE] = np.array(setup.slope) + 0.01, 0.02
     begin = Aim(state)

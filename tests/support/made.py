@@ -21,6 +21,9 @@ DEFAULT = CONFIGS / "scanners" / "default.toml"
 IDEAL = CONFIGS / "scanners" / "ideal.toml"
 DISC = CONFIGS / "targets" / "disc-250.toml"
 RADIUS_M = 0.125
+# Of a plate as made: standard deviations of a radius or half a side, and of the thickness,
+# relative; width of the chamfer that deburring leaves, uniform from 0 to it.
+SIZE_M, THICKNESS, MOST_CHAMFER_M = 0.0001, 0.03, 0.0005
 
 
 def changed(path: Path, folder: Path, values: dict[str, object]) -> Path:

@@ -49,7 +49,7 @@ def scaled(kinds, factor):
 
 
 def test_with_independent_noise_the_uncertainties_are_right():
-    """Of plates whose sizes and chamfers differ from the stated ones by what that leaves open."""
+    """The plates' sizes and chamfers differ from the stated ones by what those leave open."""
     kinds = scores("independent")
     assert not faults(kinds, 1.0, 1.0)
     for factor in (0.5, 2.0):

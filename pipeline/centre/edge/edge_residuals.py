@@ -444,15 +444,12 @@ def stretched(
     way = outline.stretch(linear.share)
     if way is None:
         return None
-    slopes = np.column_stack([linear.slopes, way * linear.slopes[:, GROWTH]])
-    linear = replace(linear, slopes=slopes)
     known = 2.0 / SIZE_M**2
     more = max(known - prior.weight[GROWTH], 0.0) if prior.weight[GROWTH] > 0.5 / SIZE_M**2 else 0.0
-    weight = np.append(prior.weight, known)
-    weight[GROWTH] += more
-    prior = Prior(np.append(prior.mean, 0.0), weight)
+    linear, prior = _with_one_more(linear, prior, way * linear.slopes[:, GROWTH], known)
+    prior.weight[GROWTH] += more
     left, _, _, inverse = _normal_equations(linear, prior)
-    score = np.zeros(len(weight))
+    score = np.zeros(len(prior.weight))
     score[GROWTH] = -more * state[GROWTH]
     score[-1] = left[:, -1] @ (linear.weight * linear.residual_m)
     return linear, prior, np.append(state, 0.0) + inverse @ score
@@ -465,15 +462,21 @@ def power_of_light(
 
     linear: at a solution with that gamma, before a background whose light is known.
     """
-    linear = linear.shown
-    column = background.lighter(sector(linear.share, len(background.usable)))
-    column *= linear.slopes[:, RATIO]
-    linear = replace(linear, slopes=np.column_stack([linear.slopes, column]))
-    known = GAMMA_SIGMA**-2
-    prior = Prior(np.append(prior.mean, 0.0), np.append(prior.weight, known))
+    linear, known = linear.shown, GAMMA_SIGMA**-2
+    lighter = background.lighter(sector(linear.share, len(background.usable)))
+    linear, prior = _with_one_more(linear, prior, lighter * linear.slopes[:, RATIO], known)
     left, _, _, inverse = _normal_equations(linear, prior)
     score = left[:, -1] @ (linear.weight * linear.residual_m) - known * gamma
     return gamma + float(inverse[-1, -1] * score), float(np.sqrt(inverse[-1, -1]))
+
+
+def _with_one_more(
+    linear: Equations, prior: Prior, column: Array, weight: float
+) -> tuple[Equations, Prior]:
+    """Return equations and prior with one more parameter, of those slopes (N,), 0 beforehand."""
+    slopes = np.column_stack([linear.slopes, column])
+    prior = Prior(np.append(prior.mean, 0.0), np.append(prior.weight, weight))
+    return replace(linear, slopes=slopes), prior
 
 
 def _variance(linear: Equations, dof: float) -> float:
