@@ -12,7 +12,7 @@ import numpy as np
 from ..config import CentreConfig
 from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
-from ..targets import Holes, Outline, Polygon, sector
+from ..targets import Holes, Outline, Polygon, Target, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
@@ -26,6 +26,7 @@ from .edge.fit_edge import (
     look_behind,
     square_on,
 )
+from .edge.mixed_pixel import EITHER, TAKEN_FOR
 from .edge.solution import AS_MUCH, EdgeFit
 from .in_plane_rotation import PlaneRotation
 from .outline_fit import (
@@ -51,7 +52,6 @@ GRAZING = 1.3  # slope of beams, 52 degrees, from which it shifts
 LOST_M = 2e-3  # uncertainty above which an edge fit gives way to the outline
 UNCONVERGED_M = 3e-4  # model uncertainty of an edge fit that did not converge
 BY_THICKNESS = 0.4  # of what an unknown thickness would move a centre: model uncertainty
-CHAMFER_SHARE = 0.12  # of a chamfer times tan of the incidence: it may be a rounded edge
 WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertainty by the wall
 CLEAN_SHARE = 0.015  # of the shift of a clean edge: model uncertainty by what the scanner reports
 ALONG_BEAMS, ACROSS_BEAMS = 1.25, 0.4  # shift of a centre by backgrounds, of that of the parts
@@ -410,14 +410,23 @@ def _fit(
     view: TargetView, outline: Outline, fit: Callable[..., EdgeFit | None] = fit_edge
 ) -> partial[EdgeFit | None]:
     """Return `fit_edge`, or another, of this outline; points and where to begin are left to it."""
+    chamfer_m, roundness = _edge_of(view.target)
     return partial(
         fit,
         outline=outline,
         thickness_m=view.target.thickness,
-        chamfer_m=view.target.chamfer,
+        chamfer_m=chamfer_m,
+        roundness=roundness,
         sigma_m=view.plane.sigma_m,
         config=view.config,
     )
+
+
+def _edge_of(target: Target) -> tuple[float | None, float]:
+    """Return width and roundness of the chamfer of a target's edges, None where none is stated."""
+    if target.edge_radius is not None:
+        return TAKEN_FOR * target.edge_radius, 1.0
+    return target.chamfer, EITHER if target.chamfer is None else 0.0
 
 
 def _by_mixed_pixels(
@@ -538,8 +547,6 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
         spread += BY_THICKNESS**2 * float(edge_fit.by_thickness_m @ edge_fit.by_thickness_m)
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2 + edge_fit.rows_m**2 / 2.0
-    if view.target.chamfer is None:
-        spread += (CHAMFER_SHARE * edge_fit.chamfer_m) ** 2 * square
     if edge_fit.exponent is not None:
         spread += (INTENSITY_SHARE * edge_fit.spot_m) ** 2
     grown_m = max(
@@ -595,8 +602,14 @@ def _by_backgrounds(edge_fit: EdgeFit) -> Array:
 
 
 def _by_chamfer(edge_fit: EdgeFit) -> Array:
-    """Return the covariance (2, 2) of a centre by a chamfer of an edge that counts as sharp."""
+    """Return the covariance (2, 2) of a centre by a chamfer of an edge that counts as sharp.
+
+    Or by one that may be a rounded edge: the fit is that of an edge between both.
+    """
     by_m = np.zeros(2) if edge_fit.by_chamfer_m is None else edge_fit.by_chamfer_m
+    if edge_fit.by_round is not None:
+        width_m = math.hypot(edge_fit.chamfer_m, edge_fit.chamfer_u_m)
+        by_m = EITHER * width_m * edge_fit.by_round
     return np.outer(by_m, by_m)
 
 

@@ -6,11 +6,11 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from .forked import can_fork, in_processes
+if TYPE_CHECKING:  # imported where more than one thread works
+    from concurrent.futures import Future, ThreadPoolExecutor
 
 R = TypeVar("R")
 S = TypeVar("S")
@@ -67,6 +67,8 @@ def over_items(
     workers = min(threads(), len(items)) if several else 1
     if workers < 2:
         return [work(announced(item)) for item in items]
+    from .forked import can_fork, in_processes
+
     _end_pool()
     if can_fork():
         each = {THREADS: str(threads() // workers)}
@@ -82,6 +84,8 @@ def side_by_side(first: Callable[[S], R], then: Callable[[R], T], items: Sequenc
     workers = min(threads(), len(items))
     if workers < 2:
         return [then(first(item)) for item in items]
+    from concurrent.futures import ThreadPoolExecutor
+
     with ThreadPoolExecutor(workers) as pool:
         done: list[T] = []
         running: deque[Future[T]] = deque()
@@ -102,6 +106,8 @@ def _begin(
     pool: ThreadPoolExecutor, then: Callable[[R], T], first: Callable[[S], R], item: S
 ) -> Future[T]:
     """Call `first` and begin `then`; an error of the former is one of the result."""
+    from concurrent.futures import Future
+
     try:
         return pool.submit(then, first(item))
     except Exception as error:
@@ -117,11 +123,15 @@ def _pool() -> ThreadPoolExecutor:
     One thread less than processors, since the caller takes a share as well: two threads woken at
     once may start on one processor.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     return ThreadPoolExecutor(MOST_THREADS - 1, POOL)
 
 
 def _end_pool() -> None:
     """End the threads of the pool, where no other thread may be using it."""
+    if not _pool.cache_info().currsize:
+        return
     others = (t for t in threading.enumerate() if t is not threading.current_thread())
     if all(other.name.startswith(POOL) for other in others):
         _pool().shutdown()

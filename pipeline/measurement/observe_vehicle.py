@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -42,7 +41,7 @@ if TYPE_CHECKING:
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Found:
     """Targets found in a whole-vehicle scan, with a sample of its points.
 
@@ -186,6 +185,8 @@ def observe_cloud(
     Raises InputError when the file is unreadable, when its targets cannot be assigned to wheels,
     and when one of the four cannot be measured.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     source, of_wheels = capture.called(cloud), capture.of_wheels
     with ThreadPoolExecutor(1) as beside:
         digest = beside.submit(lambda: cloud.sha256)

@@ -19,7 +19,7 @@ from .turn_curve import toe_out_at
 RADIAN: Unit = "rad"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stated:
     """Quantity with its uncertainty, radians or metres.
 

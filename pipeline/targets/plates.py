@@ -30,7 +30,7 @@ class Plate(Section):
     """Properties of every flat target, lengths in metres; `thickness` where it is known.
 
     chamfer: width of the chamfer of 45 degrees along the edges of the face, where it is known; 0 of
-    sharp ones. The sizes are those of the plate, with it.
+    sharp ones. edge_radius: of rounded ones. The sizes are those of the plate, with either.
     flatness: the front face lies between two planes that far apart, metres. clamp_tilt_deg,
     clamp_shift: mounting repeatability, standard deviations per axis, degrees and metres.
     stand_off: of the face from the plane of the rim flange's edge, outwards along the normal, with
@@ -39,6 +39,7 @@ class Plate(Section):
 
     thickness: float | None = Field(None, ge=0.0, lt=0.2)
     chamfer: float | None = Field(None, ge=0.0, le=0.003)
+    edge_radius: float | None = Field(None, ge=0.0, le=0.003)
     flatness: float = Field(0.0, ge=0.0, lt=0.01)
     clamp_tilt_deg: float = Field(0.0, ge=0.0, lt=5.0)
     clamp_shift: float = Field(0.0, ge=0.0, lt=0.05)
@@ -49,6 +50,7 @@ class Plate(Section):
     lengths: ClassVar[tuple[str, ...]] = (
         "thickness",
         "chamfer",
+        "edge_radius",
         "flatness",
         "clamp_shift",
         "stand_off",
@@ -63,20 +65,24 @@ class Plate(Section):
         return self
 
     @model_validator(mode="after")
-    def _chamfer_fits(self) -> Plate:
-        if self.chamfer and self.thickness is not None and self.chamfer > self.thickness:
-            raise ValueError(
-                f"chamfer {self.chamfer} is wider than the plate is thick, {self.thickness}: "
-                "check both"
-            )
+    def _edges_fit(self) -> Plate:
+        if self.chamfer is not None and self.edge_radius is not None:
+            raise ValueError("chamfer and edge_radius: state one of them")
+        for name, extent in (("chamfer", self.chamfer), ("edge_radius", self.edge_radius)):
+            if extent and self.thickness is not None and extent > self.thickness:
+                raise ValueError(
+                    f"{name} {extent} is wider than the plate is thick, {self.thickness}: "
+                    "check both"
+                )
         return self
 
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """Leave out what is not stated of these: settings of before keep their digest."""
         tree: dict[str, Any] = write(self)
-        if self.chamfer is None:
-            del tree["chamfer"]
+        for name in ("chamfer", "edge_radius"):
+            if tree[name] is None:
+                del tree[name]
         if self.stand_off is None:
             del tree["stand_off"], tree["stand_off_u"]
         return tree

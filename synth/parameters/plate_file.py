@@ -16,7 +16,8 @@ from .parameters import Section
 class TargetFile(Section):
     """Keys of every target.
 
-    chamfer: width of a chamfer of 45 degrees along the face's edges; the sizes are the plate's.
+    chamfer: width of a chamfer of 45 degrees along the face's edges; edge_radius: of rounded ones.
+    The sizes are the plate's.
     flatness: distance of two planes, parallel to the mounting plane, that enclose the face.
     clamp_tilt_deg, clamp_shift: mounting repeatability: standard deviations, along each axis of the
     face, of the target's plane and centre from the wheel's true ones. stand_off, stand_off_u: of a
@@ -26,6 +27,7 @@ class TargetFile(Section):
     shape: str
     thickness: float = Field(gt=0.0)
     chamfer: float | None = Field(None, ge=0.0, le=0.003)
+    edge_radius: float | None = Field(None, ge=0.0, le=0.003)
     flatness: float = Field(0.0, ge=0.0, le=0.001)
     clamp_tilt_deg: float = Field(0.0, ge=0.0, le=2.0)
     clamp_shift: float = Field(0.0, ge=0.0, le=0.02)
@@ -33,11 +35,14 @@ class TargetFile(Section):
     stand_off_u: float | None = Field(None, ge=0.0, le=0.05)
 
     @model_validator(mode="after")
-    def _chamfer_fits(self) -> TargetFile:
-        if (self.chamfer or 0.0) >= self.thickness:
-            raise ValueError(
-                f"chamfer {self.chamfer} m: not below the thickness {self.thickness} m"
-            )
+    def _edge_fits(self) -> TargetFile:
+        if self.chamfer is not None and self.edge_radius is not None:
+            raise ValueError("chamfer and edge_radius: state one of them")
+        for name in ("chamfer", "edge_radius"):
+            if (getattr(self, name) or 0.0) >= self.thickness:
+                raise ValueError(
+                    f"{name} {getattr(self, name)} m: not below the thickness {self.thickness} m"
+                )
         return self
 
     @property
@@ -133,8 +138,9 @@ class SquareFile(TargetFile):
 
     @model_validator(mode="after")
     def _fits(self) -> SquareFile:
-        if self.chamfer:
-            raise ValueError("chamfer: not of squares; use a disc, a ring or a rectangle")
+        if self.chamfer or self.edge_radius:
+            name = "chamfer" if self.chamfer else "edge_radius"
+            raise ValueError(f"{name}: not of squares; use a disc, a ring or a rectangle")
         if self.hole_spacing + self.hole_diameter >= self.side:
             raise ValueError("the holes reach beyond the side; reduce hole_spacing")
         if self.hole_spacing < self.hole_diameter + 0.005:

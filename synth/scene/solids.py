@@ -13,6 +13,8 @@ from ..arrays import Array, Mask
 
 # Adjacent facets that meet at less than this angle belong to one smooth surface.
 CREASE_RAD = np.radians(20.0)
+# Solids are revolved so much larger, which keeps every digit: small facets would be left out.
+ENLARGED = 1024.0
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,9 @@ class Solid:
         return self.vertices_m[self.faces]
 
     def with_front(self, front: Mask) -> Solid:
-        """Return the solid with these facets (F,) as the measured face."""
-        return replace(self, front=front)
+        """Return the solid with these facets (F,) as the measured face, a surface of its own."""
+        own = np.where(front, self.surface.max() + 1, self.surface)
+        return replace(self, front=front, surface=own)
 
     def of(self, material: str) -> Solid:
         """Return the solid with its material."""
@@ -54,7 +57,9 @@ def revolved(profile: Sequence[tuple[float, float]], sections: int, reflectance:
     """Build a solid of revolution of a profile (radius, z) about z."""
     from trimesh.creation import revolve
 
-    return _solid(revolve(np.array(profile), sections=sections), reflectance)
+    mesh = revolve(np.array(profile) * ENLARGED, sections=sections)
+    mesh.vertices = mesh.vertices / ENLARGED
+    return _solid(mesh, reflectance)
 
 
 def box(low_m: Sequence[float], high_m: Sequence[float], reflectance: float) -> Solid:
@@ -64,15 +69,17 @@ def box(low_m: Sequence[float], high_m: Sequence[float], reflectance: float) -> 
     return _solid(trimesh_box(bounds=[low_m, high_m]), reflectance)
 
 
-def bevelled(half_m: Array, depth_m: float, chamfer_m: float, reflectance: float) -> Solid:
-    """Build a box of half widths (2,), top on z = 0, with a chamfer of 45 degrees along the top."""
+def bevelled(half_m: Array, depth_m: float, edge_m: Array, reflectance: float) -> Solid:
+    """Build a box of half widths (2,), top on z = 0, whose top's edges have a convex profile.
+
+    edge_m: from the sides to the top: distance from the side, and z (K, 2).
+    """
     from trimesh import Trimesh
 
     corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     rings = [
         _at(corners * half_m, -depth_m),
-        _at(corners * half_m, -chamfer_m),
-        _at(corners * (half_m - chamfer_m), 0.0),
+        *(_at(corners * (half_m - x), z) for x, z in edge_m.tolist()),
     ]
     return _solid(Trimesh(np.vstack(rings)).convex_hull, reflectance)
 

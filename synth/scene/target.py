@@ -16,6 +16,7 @@ from .solids import Solid, bevelled, box, joined, punched, revolved
 
 # The polygon lies within radius * (1 - cos(pi / SECTIONS)) of its circle: 0.3 um at 125 mm.
 SECTIONS = 1440
+ARC = 12  # facets of a rounded edge: within 0.2 % of its radius
 REFLECTANCE = 0.8
 
 
@@ -89,36 +90,47 @@ def target_solid(target: TargetFile) -> Solid:
 
 
 def _body(target: TargetFile) -> Solid:
-    chamfer = target.chamfer or 0.0
+    edge = _edge(target)
     match target:
         case RingFile():
-            hole = target.hole_diameter / 2
-            return _round(target.diameter / 2, target.thickness, chamfer, hole)
+            return _round(target.diameter / 2, target.thickness, edge, target.hole_diameter / 2)
         case SquareFile():
             return _square(target)
         case RectangleFile():
-            return _rectangle(target.width, target.height, target.thickness, chamfer)
+            return _rectangle(target.width, target.height, target.thickness, edge)
         case PatternFile() if target.width is not None and target.height is not None:
-            return _rectangle(target.width, target.height, target.thickness, chamfer)
-    return _round(target.radius_m, target.thickness, chamfer)
+            return _rectangle(target.width, target.height, target.thickness, edge)
+    return _round(target.radius_m, target.thickness, edge)
 
 
-def _round(radius: float, thickness: float, chamfer: float, hole: float = 0.0) -> Solid:
+def _edge(target: TargetFile) -> Array:
+    """Return the profile of the face's edges, from the wall to the face: distance from the wall
+    and height over the face (K, 2); one point where they are sharp.
+    """
+    if target.chamfer:
+        return np.array([[0.0, -target.chamfer], [target.chamfer, 0.0]])
+    if not target.edge_radius:
+        return np.zeros((1, 2))
+    turn = np.linspace(0.0, np.pi / 2.0, ARC + 1)
+    arc = target.edge_radius * np.column_stack([1.0 - np.cos(turn), np.sin(turn) - 1.0])
+    arc[-1, 1] = 0.0
+    return arc
+
+
+def _round(radius: float, thickness: float, edge: Array, hole: float = 0.0) -> Solid:
     """Build a disc, or a ring about a hole of that radius."""
-    rim, inner = [(radius, 0.0)], [(hole, 0.0)]
-    if chamfer > 0.0:
-        rim = [(radius, -chamfer), (radius - chamfer, 0.0)]
-        inner = [(hole + chamfer, 0.0), (hole, -chamfer)] if hole > 0.0 else inner
+    rim = [(radius - x, z) for x, z in edge.tolist()]
+    inner = [(hole + x, z) for x, z in edge[::-1].tolist()] if hole > 0.0 else [(hole, 0.0)]
     profile = [(hole, -thickness), (radius, -thickness), *rim, *inner]
     if hole > 0.0:
         profile.append(profile[0])
     return revolved(profile, SECTIONS, REFLECTANCE)
 
 
-def _rectangle(width: float, height: float, thickness: float, chamfer: float) -> Solid:
+def _rectangle(width: float, height: float, thickness: float, edge: Array) -> Solid:
     half = np.array([width, height]) / 2
-    if chamfer > 0.0:
-        return bevelled(half, thickness, chamfer, REFLECTANCE)
+    if len(edge) > 1:
+        return bevelled(half, thickness, edge, REFLECTANCE)
     return box((*-half, -thickness), (*half, 0.0), REFLECTANCE)
 
 

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.made import MOST_CHAMFER_M, SIZE_M, THICKNESS, as_toml
+from tests.support.made import MOST_CHAMFER_M, MOST_EDGE_RADIUS_M, SIZE_M, THICKNESS, as_toml
 from tests.support.scenes import Array
 from tests.support.thinned import least_distance
 from wheelplane.capture.open_capture import open_capture
@@ -106,7 +106,8 @@ class Case:
 
     flatness_m, chamfer_m: of the target; a chamfer of None is drawn for each vehicle, see
     `made_target`. merged: each wheel is scanned from two stations, in one file. step_m: to which
-    coordinates are rounded. spaced_m: to which distance points are thinned.
+    coordinates are rounded. spaced_m: to which distance points are thinned. dim: without their
+    intensities.
     """
 
     values: Values = field(default_factory=dict)
@@ -116,6 +117,7 @@ class Case:
     merged: bool = False
     step_m: float = 0.0
     spaced_m: float = 0.0
+    dim: bool = False
 
     @property
     def is_stated(self) -> bool:
@@ -205,6 +207,8 @@ CASES: dict[str, Case] = {
     "receiver-noise": Case(PLAIN | QUIET | LAMBERT | RECEIVER),
     "dark-half-shot-noise": Case(PLAIN | QUIET | HALF | SHOT),
     "dark-half-receiver-noise": Case(PLAIN | QUIET | HALF | RECEIVER),
+    "lambert-dim": Case(PLAIN | QUIET | LAMBERT, dim=True),
+    "gaussian-lambert-dim": Case(PLAIN | QUIET | GAUSSIAN | LAMBERT, dim=True),
 }
 
 
@@ -228,7 +232,8 @@ def stated_target(folder: Path, target: str, case: Case) -> Path:
 def made_target(folder: Path, target: str, case: Case, seed: int) -> Path:
     """Write the file of a target as it was made: its sizes are the stated ones to SIZE_M.
 
-    Its chamfer is that of the case, or drawn; squares have none.
+    Its edges have the chamfer of the case, or are drawn: half of them have a chamfer, half are
+    rounded; those of squares are sharp.
     """
     plate = tomllib.loads(_shipped(target))
     rng = np.random.default_rng(seed)
@@ -236,10 +241,13 @@ def made_target(folder: Path, target: str, case: Case, seed: int) -> Path:
         if key in plate and plate["shape"] != "pattern":
             plate[key] += 2.0 * SIZE_M * float(np.clip(rng.standard_normal(), -2.0, 2.0))
     plate["thickness"] *= 1.0 + THICKNESS * float(np.clip(rng.standard_normal(), -2.0, 2.0))
-    chamfer_m = float(rng.uniform(0.0, MOST_CHAMFER_M))
-    if plate["shape"] == "square":
-        chamfer_m = 0.0
-    plate["chamfer"] = chamfer_m if case.chamfer_m is None else case.chamfer_m
+    size = float(rng.uniform())
+    if case.chamfer_m is not None:
+        plate["chamfer"] = case.chamfer_m
+    elif plate["shape"] != "square":
+        rounded = rng.uniform() < 0.5
+        key, most_m = [("chamfer", MOST_CHAMFER_M), ("edge_radius", MOST_EDGE_RADIUS_M)][rounded]
+        plate[key] = most_m * size
     return _target_file(folder / "target.toml", plate | {"flatness": case.flatness_m or None})
 
 
@@ -274,6 +282,9 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
         if case.spaced_m > 0.0:
             for scan in folder.glob("*.ply"):
                 _thin(scan, case.spaced_m)
+        if case.dim:
+            for scan in folder.glob("*.ply"):
+                _without_intensities(scan)
         truth = {w["name"]: w for w in json.loads((folder / "truth.json").read_text())["wheels"]}
         found = {}
         for stated in (False, True) if case.is_stated else (False,):
@@ -320,6 +331,13 @@ def _thin(scan: Path, distance_m: float) -> None:
     """Thin a scan so that its points lie that far apart, in their order."""
     points = _points(scan)
     _write(scan, points[least_distance(points["xyz"], distance_m)])
+
+
+def _without_intensities(scan: Path) -> None:
+    """Drop the intensities of a scan."""
+    head, _, _ = scan.read_bytes().partition(END)
+    rows = _points(scan)["xyz"].tobytes()
+    scan.write_bytes(head.replace(b"property float intensity\n", b"") + END + rows)
 
 
 def _append(scan: Path, other: Path) -> None:

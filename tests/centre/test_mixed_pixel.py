@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wheelplane.centre.edge.mixed_pixel import Profile, edge_profile
+from wheelplane.centre.edge.mixed_pixel import TAKEN_FOR, Profile, edge_profile, rounded
 
 # x/s, tau, B, s, T: incidence up to 60 degrees on the wall, plates of 3 to 20 mm.
 CASES = [
@@ -303,10 +303,12 @@ def test_nothing_but_the_background_counts_beyond_wall_and_footprint():
             np.testing.assert_allclose(values, 0.0, atol=1e-9, err_msg=name)
 
 
-def marched(x, tau, background, thickness, chamfer):
+def marched(x, tau, background, thickness, chamfer, is_round=False):
     """Depth of thin rays, and what they meet: 0 face, 1 chamfer, 2 wall, 3 background."""
     z = np.linspace(0.0, thickness, 1501)
-    ends = np.where(z < chamfer, z - chamfer, 0.0)  # of the plate at that depth, across the edge
+    left = np.maximum(chamfer - z, 0.0)
+    # Of the plate at that depth, across the edge.
+    ends = np.sqrt(chamfer**2 - left**2) - chamfer if is_round else -left
     inside = x[:, None] - tau * z <= ends
     first = inside.argmax(axis=1)
     depth = np.where(inside.any(axis=1), z[first] - 0.5 * z[1] * (first > 0), background)
@@ -339,9 +341,54 @@ def test_of_a_chamfer_the_depth_is_that_of_rays_that_march_to_it(tau, chamfer):
     np.testing.assert_allclose(depth_of(chamfer), truth, atol=1.2e-5 + none)
 
 
+@pytest.mark.parametrize("radius", [7e-4, 1.5e-3])
+@pytest.mark.parametrize("tau", [-0.7, -0.35, -0.1, 0.1, 0.4, 0.7])
+def test_of_a_rounded_edge_the_depth_is_that_of_rays_that_march_to_it(tau, radius):
+    """Within a sixth of what a chamfer is off, of the width for which it is taken."""
+    thickness, background, spot = 0.006, 0.05, 0.0015
+    u = (np.arange(12_000) + 0.5) / 6000.0 - 1.0
+    x = np.linspace(-0.003, 0.004 + thickness * max(tau, 0.0), 23)
+    weight = np.sqrt(1.0 - u * u)
+    depths = [marched(at + spot * u, tau, background, thickness, radius, True)[0] for at in x]
+    truth = np.array(depths) @ weight / weight.sum()
+    one = np.ones(len(x))
+
+    def off_m(roundness):
+        width, lean, _ = rounded(tau * one, roundness)
+        edge = (thickness, 1.0, 1.0, 0.0, 0.0, width * TAKEN_FOR * radius, 1.0, None, lean)
+        depth = edge_profile(x, tau * one, background * one, spot * one, *edge).depth_m
+        return float(np.sqrt(np.mean((depth - truth) ** 2)))
+
+    none = 0.0 if tau > 0.0 else 1e-3 * background  # a wall of 1e-3 s stands for none
+    assert off_m(1.0) < max(off_m(0.0) / 6.0, 0.012 * radius) + none
+
+
+@pytest.mark.parametrize("roundness", [0.0, 0.5, 1.0])
+def test_a_round_ends_where_beams_touch_it(roundness):
+    """The farthest of its points, as beams of that slope see them from above the face."""
+    tau = np.linspace(-1.2, 0.9, 43)
+    width, lean, by_tau = rounded(tau, roundness)
+    turn = np.linspace(0.0, np.pi / 2.0, 20_001)[:, None]
+    out, deep = np.sin(turn) - 1.0, 1.0 - np.cos(turn)
+    seen = np.max(out + np.minimum(tau, 0.0) * deep, axis=0)  # of a radius of 1
+    chamfer = TAKEN_FOR * tau
+    expected = (1.0 - roundness) * chamfer + roundness * seen
+    far = tau < 0.0
+    np.testing.assert_allclose((TAKEN_FOR * width * lean)[far], expected[far], atol=1e-8)
+    np.testing.assert_array_equal(lean[~far], tau[~far])
+    slope = (rounded(tau + 1e-6, roundness)[1] - rounded(tau - 1e-6, roundness)[1]) / 2e-6
+    inside = np.abs(tau) > 1e-5
+    np.testing.assert_allclose(by_tau[inside], slope[inside], atol=1e-6)
+
+
+def test_a_round_leaves_as_much_material_as_its_chamfer():
+    assert (TAKEN_FOR * rounded(np.zeros(1), 1.0)[0]) ** 2 / 2.0 == pytest.approx(1.0 - np.pi / 4.0)
+
+
+@pytest.mark.parametrize("leaning", [False, True])
 @pytest.mark.parametrize("chamfer", [-2e-4, 0.0, 4e-4])
-def test_slopes_of_a_chamfer_are_those_of_central_differences(chamfer):
-    """Below 0 as well, where the depth goes on smoothly."""
+def test_slopes_of_a_chamfer_are_those_of_central_differences(chamfer, leaning):
+    """Below 0 as well, where the depth goes on smoothly; also where it leans as no beam does."""
     rng, count = np.random.default_rng(0), 2000
     state = {
         "x_m": rng.uniform(-0.004, 0.008, count),
@@ -355,10 +402,17 @@ def test_slopes_of_a_chamfer_are_those_of_central_differences(chamfer):
         "chamfer_m": chamfer,
         "bevel": rng.uniform(0.2, 1.2, count),
     }
+    by_tau, by_lean = 0.0, {}
+    if leaning:
+        state["lean"] = state["tau"] + rng.uniform(-0.3, 0.3, count)
     profile = edge_profile(**state)
-    shown = {
+    if leaning:
+        by_lean = {"lean": (profile.d_lean, 1e-5)}
+    else:
+        by_tau = profile.d_lean
+    shown = by_lean | {
         "x_m": (profile.d_x, 1e-6),
-        "tau": (np.where(state["tau"] > 0.0, profile.d_tau, 0.0) + profile.d_lean, 1e-5),
+        "tau": (np.where(state["tau"] > 0.0, profile.d_tau, 0.0) + by_tau, 1e-5),
         "thickness_m": (profile.d_thickness, 1e-6),
         "wall": (profile.d_wall, 1e-5),
         "shape": (profile.d_shape, 1e-5),
@@ -371,5 +425,5 @@ def test_slopes_of_a_chamfer_are_those_of_central_differences(chamfer):
         )
         seen = (ahead - behind) / (2.0 * step)
         largest = np.abs(seen).max()
-        assert largest > 0.0 or (name == "bevel" and chamfer == 0.0)
+        assert largest > 0.0 or (name in ("bevel", "lean") and chamfer == 0.0)
         assert np.quantile(np.abs(seen - slope), 0.99) <= 2e-3 * largest, name

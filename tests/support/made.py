@@ -22,8 +22,8 @@ IDEAL = CONFIGS / "scanners" / "ideal.toml"
 DISC = CONFIGS / "targets" / "disc-250.toml"
 RADIUS_M = 0.125
 # Of a plate as made: standard deviations of a radius or half a side, and of the thickness,
-# relative; width of the chamfer that deburring leaves, uniform from 0 to it.
-SIZE_M, THICKNESS, MOST_CHAMFER_M = 0.0001, 0.03, 0.0005
+# relative; width of the chamfer, or radius of the edge, that deburring leaves, from 0 to it.
+SIZE_M, THICKNESS, MOST_CHAMFER_M, MOST_EDGE_RADIUS_M = 0.0001, 0.03, 0.0005, 0.0007
 
 
 def changed(path: Path, folder: Path, values: dict[str, object]) -> Path:

@@ -20,7 +20,7 @@ from wheelplane_synth.parameters.target_file import read_target
 from wheelplane_synth.scanner.scanner import draw_stand, scan
 from wheelplane_synth.scene.pattern import DARK, LIGHT, pattern_on
 from wheelplane_synth.scene.scene import build_scene
-from wheelplane_synth.scene.target import Mount, draw_mount
+from wheelplane_synth.scene.target import Mount, draw_mount, target_solid
 from wheelplane_synth.vehicle.vehicle import WHEELS, draw_vehicle, draw_wheel
 
 SIZES = {"spacing_m": 0.0015, "half_width_m": 0.26}
@@ -117,6 +117,41 @@ def test_the_walls_of_holes_go_through_the_plate(tmp_path):
             lean = station[:2] - middle
             assert (away[wall] @ lean < radius_m**2).all()
             assert not np.any((near < radius_m - 1e-4) & (abs(points[:, 2]) < 1e-6))
+
+
+DISC_SIZES = {"shape": "disc", "diameter": 0.25}
+OF_AREA = {"chamfer": 0.5, "edge_radius": 1.0 - np.pi / 4.0}  # what they take, of their square
+
+
+@pytest.mark.parametrize("edge", [{"chamfer": 1e-5}, {"chamfer": 5e-4}, {"edge_radius": 1e-4},
+                                  {"edge_radius": 1e-3}], ids=str)  # fmt: skip
+@pytest.mark.parametrize("table", [DISC_SIZES, RING, RECTANGLE], ids=lambda t: t["shape"])
+def test_an_eased_edge_takes_its_section_along_all_edges(tmp_path, table, edge):
+    """By the divergence theorem, of a closed surface: no facet is lost, however small."""
+    volumes = []
+    for more in ({}, edge):
+        corners = target_solid(read_target(target_file(tmp_path, table, **more))).corners_m
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        np.testing.assert_allclose(normals.sum(axis=0), 0.0, atol=1e-15)
+        volumes.append(np.sum(corners[:, 0] * normals) / 6.0)
+    around = {"disc": 0.25 * np.pi, "ring": 0.42 * np.pi, "rectangle": 1.12}[table["shape"]]
+    ((key, size),) = edge.items()
+    taken = around * OF_AREA[key] * size**2
+    assert volumes[0] - volumes[1] == pytest.approx(taken, rel=0.012)  # of a round of 12 facets
+
+
+def test_points_on_a_round_lie_on_it(tmp_path):
+    round_m = 0.003
+    device = changed(IDEAL, tmp_path, FINE | {"grid.spacing_m": 0.0005})
+    table = DISC_SIZES | {"edge_radius": round_m}
+    points, found, _ = seen(tmp_path, target_file(tmp_path, table), scanner=device)
+    out = np.hypot(*points[:, :2].T) - (0.125 - round_m)
+    on_round = (out > 1e-5) & (points[:, 2] < -1e-9) & (points[:, 2] > -round_m)
+    assert np.count_nonzero(on_round) > 2000
+    assert not found.on_front[on_round].any()
+    off = np.hypot(out, points[:, 2] + round_m)[on_round] - round_m
+    assert off.max() < 1e-6
+    assert off.min() > -0.0025 * round_m  # chords of 7.5 degrees
 
 
 def test_sides_lie_along_the_axes_named(tmp_path):

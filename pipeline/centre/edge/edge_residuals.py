@@ -32,7 +32,7 @@ from .beams import (
     look_up,
     wall_reflectance,
 )
-from .mixed_pixel import EdgeProfile, edge_profile
+from .mixed_pixel import EdgeProfile, edge_profile, rounded
 
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
 POINTING_M = 1.5e-4  # standard uncertainty of x by beam pointing and scan grid
@@ -62,8 +62,9 @@ class EdgeProblem:
     few: too few of them to tell outliers, zones' reflectances, or the scatter of sectors.
     station: (3,) that all beams come from, if known. intensity, light: (N,) of that of the face,
     NaN where unknown, or None: of points on the target, and of all. gamma: power of the light with
-    which the background's reflectance goes. left_out: (UNEVEN_SECTORS,) sectors of the outline that
-    are not used; None: such were not looked for.
+    which the background's reflectance goes. roundness: of the target's edge, 0 of a chamfer, 1 of a
+    radius, see `rounded`. left_out: (UNEVEN_SECTORS,) sectors of the outline that are not used;
+    None: such were not looked for.
     """
 
     plane: Array
@@ -76,6 +77,7 @@ class EdgeProblem:
     intensity: Array | None = None
     light: Array | None = None
     gamma: float = 0.0
+    roundness: float = 0.0
     left_out: Mask | None = None
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -284,8 +286,9 @@ def equations(
     kept = np.flatnonzero(band & beams.clear)
     beams, z, part = beams.taken(kept), z[kept], part[kept]
     modulation = None if problem.prior.is_of_means else float(state[MODULATION])
+    roundness = 0.0 if problem.prior.is_sharp else problem.roundness
     profile, variance = predicted(
-        beams, part, background, state, zones, sigma_m, modulation, problem.gamma
+        beams, part, background, state, zones, sigma_m, modulation, problem.gamma, roundness
     )
     if problem.prior.is_sharp:
         profile = replace(profile, d_chamfer=0.0)
@@ -313,6 +316,7 @@ def predicted(
     sigma_m: float,
     modulation: float | None = None,
     gamma: float = 0.0,
+    roundness: float = 0.0,
 ) -> tuple[EdgeProfile, Array]:
     """Return the profile that beams before sectors (N,) of a background show, and the variance.
 
@@ -323,6 +327,7 @@ def predicted(
     log_ratio = state[RATIO] + zones.log[sector(beams.share, ZONES)]
     if gamma != 0.0:
         log_ratio += gamma * background.lighter(part)
+    width, lean, lean_by_tau = rounded(beams.tau, roundness)
     profile = edge_profile(
         beams.x_m,
         beams.tau,
@@ -333,11 +338,17 @@ def predicted(
         wall_reflectance(facing, state)[0],
         float(state[SHAPE]),
         beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
-        float(state[CHAMFER]),
+        width * float(state[CHAMFER]),
         bevel_reflectance(beams.tau, float(state[WALL])),
         None if modulation is None else modulation * (1.0 + float(state[BEAM] @ state[BEAM])),
+        lean,
     )
-    profile = replace(profile, d_x=profile.d_x + profile.by_background * behind_slope)
+    profile = replace(
+        profile,
+        d_x=profile.d_x + profile.by_background * behind_slope,
+        d_chamfer=profile.d_chamfer * width,
+        d_lean=profile.d_lean * lean_by_tau,
+    )
     rough = profile.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
     return profile, (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
 
@@ -428,6 +439,12 @@ def _normal_equations(linear: Equations, prior: Prior) -> tuple[Array, Array, Ar
     information = (slopes.T * linear.weight) @ slopes + known
     inverse = _inverse((slopes.T * linear.change) @ slopes + known, information)
     return slopes, known, information, inverse
+
+
+def moved(linear: Equations, by_m: Array, prior: Prior) -> Array:
+    """Return by how much the state (14,) moves where the residuals grow by so much (N,)."""
+    slopes, _, _, inverse = _normal_equations(linear, prior)
+    return np.asarray(inverse @ ((slopes.T * linear.change) @ by_m))
 
 
 def stretched(

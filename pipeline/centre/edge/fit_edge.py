@@ -42,6 +42,7 @@ from .clean_edge import target_depth_m
 from .clean_fit import by_intensity, fit_clean
 from .edge_residuals import FEW, OUTER_M, EdgeProblem
 from .mixed_fit import fit_mixed
+from .mixed_pixel import EITHER
 from .solution import MISFIT, EdgeFit
 
 MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certainly some above
@@ -70,6 +71,7 @@ def fit_edge(
     config: CentreConfig,
     begin: Aim | EdgeFit,
     chamfer_m: float | None = None,
+    roundness: float = EITHER,
 ) -> EdgeFit | None:
     """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
@@ -77,12 +79,15 @@ def fit_edge(
     of all, by which the background's brightness is known; (N, 4) without the latter.
 
     Where there are no mixed pixels, to the points on both sides of it (clean_edge.py).
-    thickness_m, chamfer_m: of the target, where known. begin: where to start, as `aimed` returns
-    it, or the fit of another edge of the same target, whose beams are the same.
+    thickness_m, chamfer_m: of the target, where known. roundness: of its edge, see `rounded`.
+    begin: where to start, as `aimed` returns it, or the fit of another edge of the same target,
+    whose beams are the same.
     None where less than a quarter of the edge has a background, or the scanner has filtered out the
     beams at the edge.
     """
-    problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m)
+    problem, state = _problem(
+        uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m, roundness
+    )
     if problem.few:
         fitted = fit_mixed(problem, state, thickness_m, config)
         share = _mixed_share_of_few(problem, fitted.state if fitted else state)
@@ -122,12 +127,15 @@ def fit_intensities(
     config: CentreConfig,
     begin: Aim,
     chamfer_m: float | None = None,
+    roundness: float = EITHER,
 ) -> EdgeFit | None:
     """Fit an outline to the intensities of points uvw_m (N, 4 or 5), and not to what is behind.
 
     Nothing but the returns of a wall shows the beams' direction: None where that counts.
     """
-    problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m)
+    problem, state = _problem(
+        uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m, roundness
+    )
     found = by_intensity(problem, state, config.max_iterations)
     if found is None or float(np.hypot(*found.beam)) > MOST_UNSEEN:
         return None
@@ -142,6 +150,7 @@ def _problem(
     config: CentreConfig,
     begin: Aim | EdgeFit,
     chamfer_m: float | None,
+    roundness: float,
 ) -> tuple[EdgeProblem, Array]:
     """Return the points near the edge with their prior, and the state (14,) to start from."""
     if isinstance(begin, EdgeFit):
@@ -159,7 +168,16 @@ def _problem(
     plane = np.asfortranarray(near[:, :2])
     intensity, light = (near[:, k] if near.shape[1] > k else None for k in (3, 4))
     problem = EdgeProblem(
-        plane, -near[:, 2], prior, outline, sigma_m, few, station, intensity, light
+        plane,
+        -near[:, 2],
+        prior,
+        outline,
+        sigma_m,
+        few,
+        station,
+        intensity,
+        light,
+        roundness=roundness,
     )
     return problem.about(state), state
 

@@ -49,6 +49,7 @@ from .solution import (
     EdgeFit,
     Solution,
     as_stretched,
+    by_round,
     explains_less,
     record,
     settled,
@@ -316,7 +317,7 @@ def _freed(
         may = replace(phased, prior=phased.prior.bevelled())
         bevelled = _bevelled(may, plain, most)
         if _has_chamfer(may, bevelled):
-            return may, bevelled
+            return may, replace(bevelled, by_round=by_round(bevelled, may))
     found = _near(phased, plain, most)
     if found.last_m > CONVERGED_M or (doubted and _may_be_of_another_size(phased, found)):
         phased, found = problem, plain

@@ -21,6 +21,10 @@ from ...vectors import Array
 
 UNIFORM, GAUSSIAN = 0.0, 1.0
 HIDDEN = -0.999  # slope of beams along a chamfer
+# Width of the chamfer for which a rounded edge is taken, measured, and of the one that leaves as
+# much material, of its radius.
+TAKEN_FOR, AS_MUCH = 0.7, float(np.sqrt(2.0 - np.pi / 2.0))
+EITHER = 0.5  # roundness of an edge that may be either
 LEAST_MODULATION = 1e-2  # 1/m^2, of 60 m; less is developed about 0
 LEAST_LIGHT = 1e-6  # of a footprint's, where returns cancel, or none is near
 END, _STEPS = 2.0, 8000  # of the tables, in radii on both sides
@@ -131,8 +135,8 @@ class EdgeProfile:
     """Mean depth (N,) over the footprint, and its derivatives, (N,) each.
 
     The derivatives are by x, tau, log footprint radius, thickness, log reflectance ratio of the
-    background, reflectance of the wall, shape of the footprint, chamfer, tau at the chamfer (d_tau:
-    at the wall), and reflectance of the chamfer.
+    background, reflectance of the wall, shape of the footprint, chamfer, its lean (d_tau: of the
+    wall), and its reflectance.
     background_share: of the footprint; by_background: by the depth of the background, its share of
     what is returned where ranges are averaged.
     """
@@ -212,6 +216,25 @@ def sum_of_phases(share: Array, near_m: Array, far_m: Array, modulation: float) 
     )
 
 
+def rounded(tau: Array, roundness: float) -> tuple[float, Array, Array | float]:
+    """Return width, lean at slopes tau (N,) and its derivative of the chamfer in an edge's place.
+
+    roundness: 0 of a chamfer of width 1; 1 of the radius that is taken for it, 1 / TAKEN_FOR: the
+    chamfer then leaves as much material, and ends on the far side where beams touch the round, by
+    1 - cos a + (1 - sin a) tan a of the radius inside a sharp edge, at an incidence of a.
+    """
+    if roundness == 0.0:
+        return 1.0, tau, 1.0
+    far = np.maximum(-tau, 0.0)
+    cosine = 1.0 / np.sqrt(1.0 + far**2)
+    flat = 1.0 - far * cosine
+    width = 1.0 + roundness * (AS_MUCH / TAKEN_FOR - 1.0)
+    part = roundness / (TAKEN_FOR * width)
+    touched = 1.0 - cosine + flat * far
+    lean = tau - part * (touched - AS_MUCH * far)
+    return width, lean, np.where(far > 0.0, 1.0 + part * (flat - AS_MUCH), 1.0)
+
+
 def edge_profile(
     x_m: Array,
     tau: Array,
@@ -225,6 +248,7 @@ def edge_profile(
     chamfer_m: float = 0.0,
     bevel: Array | float = 1.0,
     modulation: float | None = None,
+    lean: Array | None = None,
 ) -> EdgeProfile:
     """Return the depth behind the target that a beam at x_m (N,) returns; all (N,), metres.
 
@@ -235,13 +259,15 @@ def edge_profile(
     depth = (b c (M_01 - F_1) + o (c (F_1 - F_2) + (T - c) (M_12 - F_2)) + e B F_2) /
     (1 - F_0 + b (F_0 - F_1) + o (F_1 - F_2) + e F_2),
     which is smooth in c about 0, also below. From tau = -1 on the chamfer is hidden.
+    lean: of the chamfer, where it is not tau, as of a rounded edge, see `rounded`.
     modulation: None: ranges are averaged; else what lies near and the background add as
     `sum_of_phases`: depths of millimetres add as their mean, decimetres do not.
     slant: by which a surface parallel to the target is deeper per distance inwards from the beam's
     axis. Parts of the footprint lie beside it; where all are of one brightness that cancels.
     """
     c, T, e, o, b = chamfer_m, thickness_m, reflectance_ratio, wall, bevel
-    seen = np.maximum(tau, HIDDEN)  # as the chamfer sees it
+    lean = tau if lean is None else lean
+    seen = np.maximum(lean, HIDDEN)
     run, facing = 1.0 + seen, np.maximum(tau, 0.0)
     width = np.maximum((T - c) * facing, 1e-3 * spot_m)  # a narrower wall acts as none
     x_1 = x_m - c * seen
@@ -304,7 +330,7 @@ def edge_profile(
         + seen * d_x_1
         - facing * d_width
         + (o * (F_1 - M) - b * F_1) * by_sum,
-        d_lean=np.where(tau > HIDDEN, c * d_x_1 - b * H / run**2 * by_sum, 0.0),
+        d_lean=np.where(lean > HIDDEN, c * d_x_1 - b * H / run**2 * by_sum, 0.0),
         d_bevel=(on_bevel + m_1 - m_0) * by_sum - by_near * (F_0 - F_1),
         d_modulation=measured.by_modulation,
     )

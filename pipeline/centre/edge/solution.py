@@ -28,7 +28,17 @@ from .beams import (
     Background,
     Prior,
 )
-from .edge_residuals import SECTORS, EdgeProblem, Equations, Zones, along, spread, stretched
+from .edge_residuals import (
+    SECTORS,
+    EdgeProblem,
+    Equations,
+    Zones,
+    along,
+    equations,
+    moved,
+    spread,
+    stretched,
+)
 
 UNEVEN = 5  # of the sectors: at most so many have a background that leaves outliers
 STEP_M, CONVERGED_M = 2e-7, 1e-5  # a step of the centre that ends a fit; that counts as converged
@@ -36,13 +46,14 @@ SETTLED = 0.2  # share of u that a step may still be, then
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
 OUTLIER = 4.0  # square of an outlier, over its variance
 MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
+SOME_POINTS = 2000  # of those near an edge, that show how a round moves it
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
 FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EdgeFit:
     """Centre of an outline in the plane, and the other estimates of its fit.
 
@@ -69,7 +80,8 @@ class EdgeFit:
     many standard deviations of what the data may move it they pull the stated one, None where
     none is stated.
     by_chamfer_m: (2,) by which the centre would move with a chamfer (k = 1), where the edge counts
-    as sharp without being stated so.
+    as sharp without being stated so. by_round: (2,) by which it would move with a rounded edge
+    instead of a chamfer, over its width, where neither is stated.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
@@ -110,6 +122,7 @@ class EdgeFit:
     by_thickness_m: Array | None = None
     thickness_pull: float | None = None
     by_chamfer_m: Array | None = None
+    by_round: Array | None = None
     clean_shift_m: float | None = None
     by_size_m: Array | None = None
     size_chance: float = 0.0
@@ -149,7 +162,7 @@ class EdgeFit:
 class Solution:
     """Last state (14,) of a fit, what it was linearised from, and its last step of the centre.
 
-    by_chamfer_m: as of an EdgeFit.
+    by_chamfer_m, by_round: as of an EdgeFit.
     """
 
     state: Array
@@ -159,6 +172,7 @@ class Solution:
     iterations: int
     last_m: float
     by_chamfer_m: Array | None = None
+    by_round: Array | None = None
 
     @property
     def covered(self) -> float:
@@ -178,6 +192,7 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         iterations=found.iterations,
         converged=found.last_m < CONVERGED_M,
         by_chamfer_m=found.by_chamfer_m,
+        by_round=found.by_round,
         lost=_lost(found.background.usable, problem.outline),
     )
 
@@ -190,6 +205,29 @@ def unseen_chamfer_m(linear: Equations, prior: Prior) -> Array:
     if not prior.is_sharp:
         return np.zeros(2)
     return CHAMFER_M * along(linear, prior.bevelled(), CHAMFER)[CENTRE]
+
+
+def by_round(found: Solution, problem: EdgeProblem) -> Array:
+    """Return by how far (2,) a rounded edge instead of a chamfer moves the centre, over its width.
+
+    By the residuals that a chamfer of CHAMFER_M leaves of such a round, at some of the points.
+    """
+    state, some = found.state.copy(), problem.of_some(SOME_POINTS)
+    state[CHAMFER] = CHAMFER_M
+    cut, round_ = (
+        equations(
+            replace(some, roundness=roundness),
+            found.background,
+            state,
+            found.zones,
+            converged=True,
+            consistent=True,
+        )
+        for roundness in (0.0, 1.0)
+    )
+    each = len(problem.depth) / len(some.depth)
+    cut = replace(cut, weight=each * cut.weight, change=each * cut.change)
+    return moved(cut, round_.residual_m - cut.residual_m, problem.prior)[CENTRE] / CHAMFER_M
 
 
 def as_stretched(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> EdgeFit:
@@ -217,6 +255,8 @@ def _estimates(
                 way = way - way[other] * before
             held[which] = way / way[which]
             most = 1.0 / float(prior.weight[which])
+            if which == MODULATION:  # it is of brightness that no zone shows: about as large
+                most = min(most, float(state[which]) ** 2)
             state, covariance, by_plane = _without(
                 which, held[which], most, state, covariance, by_plane
             )
@@ -257,8 +297,8 @@ def _without(
 
     way: by how much the state moves where it is held, per its distance. None is below 0: of the
     probability, only that of values above 0 is left, whose mean square about 0 takes the place of
-    the variance. A value that lies k u below 0 contradicts a u that is not k times as large, up to
-    the variance `most` that it has beforehand.
+    the variance. A value that lies k u below 0 contradicts its u, which is k^2 times as large then,
+    up to the variance `most`.
     """
     variance = float(covariance[which, which])
     wider = max(variance, min(float(state[which]) ** 4 / variance, most))

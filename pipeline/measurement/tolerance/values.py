@@ -15,10 +15,11 @@ RIM_M = (0.1, 2.0)
 
 _NUMBER = r"(\d+(?:\.\d*)?|\.\d+)"
 _SIGN = r"\s*([-+\N{MINUS SIGN}]?)\s*"
-_SEXAGESIMAL = re.compile(
-    rf"{_SIGN}(?:{_NUMBER}\s*(?:°|deg))?\s*(?:{_NUMBER}\s*(?:'|′|min))?\s*(?:{_NUMBER}\s*(?:\"|″))?\s*"  # noqa: RUF001
+_SEXAGESIMAL = (
+    rf"{_SIGN}(?:{_NUMBER}\s*(?:°|deg))?\s*(?:{_NUMBER}\s*(?:'|′|min))?\s*"  # noqa: RUF001
+    rf"(?:{_NUMBER}\s*(?:\"|″))?\s*"
 )
-_LINEAR = re.compile(rf"{_SIGN}{_NUMBER}\s*(mm/m|mm|m|in)\s*")
+_LINEAR = rf"{_SIGN}{_NUMBER}\s*(mm/m|mm|m|in)\s*"
 FORMS = "0°10', 10', 0.17°, 2.5 mm/m or 1.5 mm"
 
 
@@ -56,12 +57,12 @@ class Value:
 
 def read_value(text: str) -> Value:
     """Parse a value with its unit. Raises ValueError that names the forms."""
-    found = _LINEAR.fullmatch(text)
+    found = re.fullmatch(_LINEAR, text)
     if found is not None:
         sign, digits, unit = found.groups()
         number = float(digits) if sign in ("", "+") else -float(digits)
         return Value(number, "mm/m") if unit == "mm/m" else Value(in_metres(number, unit), "m")
-    found = _SEXAGESIMAL.fullmatch(text)
+    found = re.fullmatch(_SEXAGESIMAL, text)
     if found is None or not any(found.groups()[1:]):
         raise ValueError(f"{text!r} is no value with its unit: write it as {FORMS}")
     degrees = _degrees(text, found.groups()[1:])

@@ -113,12 +113,15 @@ def _sizes(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
     if not is_round:
         yield from _dimension((-a - 12.0, 0.0), (0.0, b), at)
         yield _text(at(-a - 16.0, 0.0), f"{2 * b:g} mm", SIZE, turn_deg=-90.0)
-    thickness, chamfer = (
+    edge, size = "chamfer", target.chamfer
+    if target.edge_radius is not None:
+        edge, size = "edge radius", target.edge_radius
+    thickness, extent = (
         "not stated" if value is None else f"{value * 1e3:g} mm"
-        for value in (target.thickness, target.chamfer)
+        for value in (target.thickness, size)
     )
     yield _text(at(0.0, -b - 30.0), ", ".join(_details(target)), INK)
-    yield _text(at(0.0, -b - 40.0), f"thickness {thickness}, chamfer {chamfer}", INK)
+    yield _text(at(0.0, -b - 40.0), f"thickness {thickness}, {edge} {extent}", INK)
 
 
 def _dimension(middle: Point, half: Point, at: ToPage) -> Iterator[Mark]:
