@@ -602,15 +602,17 @@ def _by_backgrounds(edge_fit: EdgeFit) -> Array:
 
 
 def _by_chamfer(edge_fit: EdgeFit) -> Array:
-    """Return the covariance (2, 2) of a centre by a chamfer of an edge that counts as sharp.
+    """Return the covariance (2, 2) of a centre by the form of an edge that is not stated.
 
-    Or by one that may be a rounded edge: the fit is that of an edge between both.
+    By its chamfer, and by what a rounded edge would move: the fit is of one between both.
     """
-    by_m = np.zeros(2) if edge_fit.by_chamfer_m is None else edge_fit.by_chamfer_m
+    covariance = np.zeros((2, 2))
+    if edge_fit.by_chamfer_m is not None:
+        covariance += np.outer(edge_fit.by_chamfer_m, edge_fit.by_chamfer_m)
     if edge_fit.by_round is not None:
         width_m = math.hypot(edge_fit.chamfer_m, edge_fit.chamfer_u_m)
-        by_m = EITHER * width_m * edge_fit.by_round
-    return np.outer(by_m, by_m)
+        covariance += (EITHER * width_m) ** 2 * np.outer(edge_fit.by_round, edge_fit.by_round)
+    return covariance
 
 
 def _by_footprint(edge_fit: EdgeFit, apart_m: Array) -> Array:

@@ -35,6 +35,7 @@ from .edge_residuals import (
     ZONES,
     EdgeProblem,
     Zones,
+    along,
     equations,
     power_of_light,
     step,
@@ -81,6 +82,7 @@ TENSE, MOST_TENSE = 2.0, 6.0
 LIKELY = 3.0  # standard deviations of a size that may be so
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 3e-3  # that an edge may seem to have, and may have
+LOW_CHAMFER_M = 8e-5  # by which a fitted chamfer is too narrow, with a wall as thin (k = 1)
 BY_CHAMFER = 0.58  # of what a chamfer would move that may be a wrong width: any part of it
 LEAST_SHARP_M = -3e-5  # that a sharp edge may seem to have
 BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
@@ -317,7 +319,8 @@ def _freed(
         may = replace(phased, prior=phased.prior.bevelled())
         bevelled = _bevelled(may, plain, most)
         if _has_chamfer(may, bevelled):
-            return may, replace(bevelled, by_round=by_round(bevelled, may))
+            low_m = LOW_CHAMFER_M * along(bevelled.equations, may.prior, CHAMFER)[CENTRE]
+            return may, replace(bevelled, by_chamfer_m=low_m, by_round=by_round(bevelled, may))
     found = _near(phased, plain, most)
     if found.last_m > CONVERGED_M or (doubted and _may_be_of_another_size(phased, found)):
         phased, found = problem, plain

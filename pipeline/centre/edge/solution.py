@@ -80,8 +80,8 @@ class EdgeFit:
     many standard deviations of what the data may move it they pull the stated one, None where
     none is stated.
     by_chamfer_m: (2,) by which the centre would move with a chamfer (k = 1), where the edge counts
-    as sharp without being stated so. by_round: (2,) by which it would move with a rounded edge
-    instead of a chamfer, over its width, where neither is stated.
+    as sharp without being stated so, or with one that is fitted too narrow. by_round: (2,) by which
+    it would move with a rounded edge instead of a chamfer, over its width, where neither is stated.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
