@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from .combine import CentreEstimate, CentreMethod, check_agreement, combined, re
 from .edge.solution import EdgeFit
 from .edge_centre import EdgeCentre, centre_by_edge, centre_by_holes
 from .in_plane_rotation import InPlaneRotation, PlaneRotation
-from .pattern.fit_pattern import IntensityPoints, PatternFit, find_pattern
 from .target_view import TargetView
+
+if TYPE_CHECKING:  # imported for boards alone
+    from .pattern.fit_pattern import PatternFit
 
 EDGE_SHIFT = 0.6  # of s sqrt(s / R) along an axis, s^2 / R across: shift of a centre by its edge
 
@@ -186,6 +188,8 @@ def _printed(view: TargetView, target: Target, outer: EdgeCentre) -> PatternFit 
     intensity = view.patch.face_intensity
     if not isinstance(target, PatternTarget) or intensity is None:
         return None
+    from .pattern.fit_pattern import IntensityPoints, find_pattern
+
     edge_fit = outer.edge_fit
     uvw, kept = view.on_face(target.radius_m)
     beam = np.zeros(2) if edge_fit is None else edge_fit.beam

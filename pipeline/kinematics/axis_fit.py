@@ -23,7 +23,7 @@ CONVERGED = 1e-6  # step, in standard uncertainties of the observations
 SINGULAR = 1e-11  # smallest relative singular value of the scaled equations
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class OneAxis:
     """An axis and the rotations about it, in the coordinates of the poses.
 

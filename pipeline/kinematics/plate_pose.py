@@ -16,7 +16,7 @@ from ..vectors import Array
 DOUBTFUL = 0.25  # of the period: an in-plane rotation farther from the prediction is ambiguous
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Poses:
     """Observed poses of a target, n of them.
 
@@ -34,7 +34,7 @@ class Poses:
     periods_rad: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class State:
     """An axis with a point on it, the target at rotation 0, and the rotations.
 

@@ -35,7 +35,7 @@ OF_VERTICAL = 6  # inputs: its normal, and a centre that is not used
 DOUBT = 1e-3  # probability of a fit below which the scans do not rotate about one axis
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class SweepScans:
     """All measured scans of sweeps and run-outs, with the uncertainty effects on them.
 

@@ -51,7 +51,7 @@ def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[Toe
     return tuple(toe_out_at(turn, INNER_RAD) for turn in turns)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Tilt:
     """Offset of the axle from a target's normal (3,), at the reference's normal, with slopes."""
 

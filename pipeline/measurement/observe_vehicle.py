@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Found:
     """Targets found in a whole-vehicle scan, with a sample of its points.
 

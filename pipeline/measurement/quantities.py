@@ -19,7 +19,7 @@ from .turn_curve import toe_out_at
 RADIAN: Unit = "rad"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Stated:
     """Quantity with its uncertainty, radians or metres.
 

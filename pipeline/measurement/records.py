@@ -53,7 +53,7 @@ class Evidence:
     profile: WheelProfile | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class SuspectPoint:
     """Point of a five-point block that contradicts the other four.
 
@@ -104,7 +104,7 @@ class Observation:
         return self.on_wheel or self.evidence.target
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class WheelPose:
     """Normal (3,) and centre (3,) of a wheel, scanner coordinates, with their uncertainty."""
 
@@ -118,7 +118,7 @@ class WheelPose:
         return np.asarray(sum((part.covariance for part in self.components), np.zeros((6, 6))))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Vertical:
     """Direction from which camber, caster and SAI can be measured, with its uncertainty.
 
@@ -137,7 +137,7 @@ class Vertical:
         return np.zeros(3)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class WheelResult:
     """Observation with its angles; all None where it was not measured.
 
@@ -208,7 +208,7 @@ class Provenance:
         return (Wording(NAMED, front=front, up=up), *self.naming.notes)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Estimate:
     """A value with its standard uncertainty and degrees of freedom; radians or metres.
 
@@ -240,7 +240,7 @@ class Estimate:
         return min(share, 1.0) if share > LEAST_UNIFORM else 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class SteeringAxis:
     """The steering axis of one front wheel, by its sweep; None where the scans show too little.
 
@@ -285,7 +285,7 @@ class AxleAngles:
     camber_iso: Estimate
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Runout:
     """The axle of one wheel, by its run-out scans; None where these show too little.
 

@@ -22,7 +22,7 @@ OF_PLATE = (
 DOUBT = 0.01  # probability below which scatter counts as larger, or smaller, than predicted
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class PooledAngle:
     """Angle from repeat scans, radians, values in the order of the scans.
 

@@ -24,7 +24,7 @@ FORM_STEP = 5  # cells of the map in one of its smoothed form
 BINS, SIGMAS = 60, 5.0  # of the histogram, from -SIGMAS to +SIGMAS of the plane's noise
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ResidualMap:
     """Square raster of the plane about the target's centre, along the plane's axes u and v.
 
@@ -116,7 +116,7 @@ def map_about(
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FormMap:
     """Smoothed deviation of a target from its plane: (48, 48) float32 metres, NaN off the target.
 

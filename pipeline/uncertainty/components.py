@@ -16,7 +16,7 @@ import numpy as np
 from ..vectors import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class UncertaintyComponent:
     """One line of the uncertainty budget, for one target.
 

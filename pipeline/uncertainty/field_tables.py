@@ -31,7 +31,7 @@ LEAST_SPAN_DEG = 5.0  # of elevations: below, trunnion and index look like colli
 TURN_DEG, TURN_GON = 361.0, 400.0  # a degree more, for the errors of a target at a whole turn
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FaceTest:
     """Targets in both faces (N): half the differences of azimuth and elevation, in arcsec.
 
@@ -46,7 +46,7 @@ class FaceTest:
     range_m: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class LengthTest:
     """Pairs of points (N): measured lengths, references with their u, and ranges, in metres.
 

@@ -37,7 +37,7 @@ ECCENTRICITIES = ("sin a", "cos a", "sin e")  # parts that two faces show
 ANGULAR = ("collimation_arcsec", "trunnion_arcsec", "vertical_index_arcsec", *ECCENTRICITIES)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class TermFit:
     """Terms found by least squares: their values, and covariance, in the units of the file's keys.
 

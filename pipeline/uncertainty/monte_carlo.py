@@ -26,7 +26,7 @@ TOLERANCE = 0.05
 Status = Literal["agree", "disagree", "not-converged"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class MonteCarlo:
     """Results of the draws beside the formula; all arrays (Q,) in the order of the covariance.
 

@@ -17,7 +17,7 @@ from .distributions import coverage_factor
 LEVEL = 0.95  # of the expanded uncertainties
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class AngleUncertainty:
     """All Q quantities of W targets and their uncertainty: radians and metres, k = 1.
 
@@ -139,7 +139,7 @@ def estimates_of(effects: Sequence[Effect]) -> list[object]:
     return [effect.name if effect.pooled else index for index, effect in enumerate(effects)]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Effect:
     """A component as it acts on all W targets at once: factor (6 W, k).
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..vectors import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Dual:
     """A value and its derivatives (K,) with respect to K inputs.
 

@@ -19,7 +19,7 @@ CUT, STEP = 3.0, 0.5  # standard deviations: of outliers; between the heights th
 GAIN, FEWEST = 20.0, 3  # least of a pad: by how much it lessens the squares; points on it
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Contact:
     """Middle (2,) of a wheel's contact patch, left and forward, and the pad that it stands on.
 

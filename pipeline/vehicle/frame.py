@@ -24,7 +24,7 @@ MIN_AXLE_COSINE = 0.1
 MAX_COORDINATE_M = 1e10
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class VehicleFrame:
     """The frame of one vehicle, in scanner coordinates.
 

@@ -15,7 +15,7 @@ from .definitions import VEHICLE, WHEEL
 from .frame import REFERENCE_WHEELS, VehicleFrame, build_reference_frame
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Linear:
     """All Q quantities of W targets: those of WHEEL, each for all targets, then those of VEHICLE.
 
@@ -27,7 +27,7 @@ class Linear:
     slopes: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class FrameSlopes:
     """Derivatives of the frame by the twelve coordinates of RR, RL, FR, FL.
 

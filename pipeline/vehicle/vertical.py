@@ -25,7 +25,7 @@ TWISTED = 3.0  # standard deviations of a twist
 LEAST_M = 1e-5  # below which heights are alike
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Floor:
     """Plane of the floor: height in the vehicle frame = level + slopes . (left, forward).
 
@@ -87,7 +87,7 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
     return _stood_on(beside, _terms(middles_m) @ plane + offset_m, contacts, wheels_m)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Cells:
     """Means (C, 3) of the floor's points in cells, and the wheel (C,) that each is beside.
 
@@ -101,7 +101,7 @@ class _Cells:
     noise_m2: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class _Beside:
     """Floor of its own height beside each wheel, with common slopes: values (6,), heights first.
 

@@ -53,7 +53,7 @@ FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class EdgeFit:
     """Centre of an outline in the plane, and the other estimates of its fit.
 
