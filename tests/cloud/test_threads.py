@@ -32,7 +32,7 @@ def workers(request, monkeypatch):
     """Number of threads, or of forked processes."""
     count, _, forks = request.param.partition(" ")
     monkeypatch.setenv("WHEELPLANE_THREADS", count)
-    monkeypatch.setattr("wheelplane.cloud.threads.can_fork", lambda: bool(forks))
+    monkeypatch.setattr("wheelplane.cloud.forked.can_fork", lambda: bool(forks))
     return int(count)
 
 
@@ -134,7 +134,7 @@ def test_at_most_one_item_waits_beside_those_at_work(workers):
 @FORKS
 def test_a_process_that_is_killed_is_one_line_and_no_process_is_left(monkeypatch):
     monkeypatch.setenv("WHEELPLANE_THREADS", "3")
-    monkeypatch.setattr("wheelplane.cloud.threads.can_fork", lambda: True)
+    monkeypatch.setattr("wheelplane.cloud.forked.can_fork", lambda: True)
     started, fork = [], os.fork
     monkeypatch.setattr(os, "fork", lambda: started.append(fork()) or started[-1])
 
