@@ -27,13 +27,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np  # noqa: E402
 from scipy import stats  # noqa: E402
 
-from tests.support.made import (  # noqa: E402
-    MOST_CHAMFER_M,
-    MOST_EDGE_RADIUS_M,
-    RADIUS_M,
-    SIZE_M,
-    THICKNESS,
-)
+from tests.support.made import RADIUS_M, SIZE_M, THICKNESS, draw_edge  # noqa: E402
 from tests.support.scenes import Setup, make  # noqa: E402
 from wheelplane.capture.open_capture import open_capture  # noqa: E402
 from wheelplane.config import Config, config_file, load_config  # noqa: E402
@@ -186,12 +180,10 @@ def one_vehicle(
 def _as_made(plate: TargetFile, rng: np.random.Generator) -> dict[str, float | bool]:
     """Draw the sizes of a plate, as changes to a Setup; half of unstated edges are rounded."""
     off, thicker, chamfer = rng.standard_normal(3).clip(-2.0, 2.0)
-    rounded = False
     if plate.chamfer is None:
-        size, rounded = rng.uniform(), bool(rng.uniform() < 0.5)
-        chamfer_m = size * (MOST_EDGE_RADIUS_M if rounded else MOST_CHAMFER_M)
+        chamfer_m, rounded = draw_edge(rng)
     else:
-        chamfer_m = max(plate.chamfer + CHAMFER_U_M * chamfer, 0.0)
+        chamfer_m, rounded = max(plate.chamfer + CHAMFER_U_M * chamfer, 0.0), False
     return {
         "radius_m": RADIUS_M + float(SIZE_M * off),
         "thickness_m": float(plate.thickness * (1.0 + THICKNESS * thicker)),

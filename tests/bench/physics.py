@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.made import MOST_CHAMFER_M, MOST_EDGE_RADIUS_M, SIZE_M, THICKNESS, as_toml
+from tests.support.made import SIZE_M, THICKNESS, as_toml, draw_edge
 from tests.support.scenes import Array
 from tests.support.thinned import least_distance
 from wheelplane.capture.open_capture import open_capture
@@ -241,13 +241,11 @@ def made_target(folder: Path, target: str, case: Case, seed: int) -> Path:
         if key in plate and plate["shape"] != "pattern":
             plate[key] += 2.0 * SIZE_M * float(np.clip(rng.standard_normal(), -2.0, 2.0))
     plate["thickness"] *= 1.0 + THICKNESS * float(np.clip(rng.standard_normal(), -2.0, 2.0))
-    size = float(rng.uniform())
     if case.chamfer_m is not None:
         plate["chamfer"] = case.chamfer_m
     elif plate["shape"] != "square":
-        rounded = rng.uniform() < 0.5
-        key, most_m = [("chamfer", MOST_CHAMFER_M), ("edge_radius", MOST_EDGE_RADIUS_M)][rounded]
-        plate[key] = most_m * size
+        size_m, is_round = draw_edge(rng)
+        plate["edge_radius" if is_round else "chamfer"] = size_m
     return _target_file(folder / "target.toml", plate | {"flatness": case.flatness_m or None})
 
 

@@ -214,7 +214,7 @@ def test_without_background_the_outline_serves_with_a_larger_uncertainty(setup, 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_half_hidden_disc_is_within_its_larger_uncertainty(seed):
-    """Of a stated edge: one that is not takes most of what a whole disc has."""
+    """The edge is stated: one that is not has most of the uncertainty of a whole disc."""
     whole = u_of(*measured(PLAIN, seed, 0.0))
     cloud, fitted = measured(PLAIN.but(keep=lambda u, v: v > -0.01), seed, 0.0)
     assert np.linalg.norm(mean_of_face(cloud)) > 0.03

@@ -26,6 +26,12 @@ RADIUS_M = 0.125
 SIZE_M, THICKNESS, MOST_CHAMFER_M, MOST_EDGE_RADIUS_M = 0.0001, 0.03, 0.0005, 0.0007
 
 
+def draw_edge(rng: np.random.Generator) -> tuple[float, bool]:
+    """Width of a chamfer or radius of an edge that a shop leaves, and whether it is the latter."""
+    share, is_round = float(rng.uniform()), bool(rng.uniform() < 0.5)
+    return share * (MOST_EDGE_RADIUS_M if is_round else MOST_CHAMFER_M), is_round
+
+
 def changed(path: Path, folder: Path, values: dict[str, object]) -> Path:
     """A copy of a parameter file with some of its values changed, or added."""
     tree = copy.deepcopy(tomllib.loads(path.read_text()))

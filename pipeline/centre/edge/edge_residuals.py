@@ -81,6 +81,11 @@ class EdgeProblem:
     left_out: Mask | None = None
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
+    @property
+    def bend(self) -> float:
+        """Roundness of an edge that may have a chamfer; 0 of one that counts as sharp."""
+        return 0.0 if self.prior.is_sharp else self.roundness
+
     def about(self, state: Array) -> EdgeProblem:
         """Return the problem whose prior has beams from the station to the centre of a state."""
         if self.station is None:
@@ -286,9 +291,8 @@ def equations(
     kept = np.flatnonzero(band & beams.clear)
     beams, z, part = beams.taken(kept), z[kept], part[kept]
     modulation = None if problem.prior.is_of_means else float(state[MODULATION])
-    roundness = 0.0 if problem.prior.is_sharp else problem.roundness
     profile, variance = predicted(
-        beams, part, background, state, zones, sigma_m, modulation, problem.gamma, roundness
+        beams, part, background, state, zones, sigma_m, modulation, problem.gamma, problem.bend
     )
     if problem.prior.is_sharp:
         profile = replace(profile, d_chamfer=0.0)

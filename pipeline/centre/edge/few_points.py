@@ -67,7 +67,7 @@ def total_loss(problem: EdgeProblem, state: Array, background: Background) -> fl
         state,
         Zones.alike(),
         problem.sigma_m,
-        roundness=problem.roundness,
+        roundness=problem.bend,
     )
     square[rows] = (depth[rows] - profile.depth_m) ** 2 / variance
     loss = 2.0 * np.log1p(square / 4.0)
