@@ -24,7 +24,6 @@ from wheelplane.centre.edge.beams import (
     WALL,
     WRONG_SIZE_M,
     Prior,
-    look_up,
 )
 from wheelplane.centre.edge.clean_fit import ALONE, CONTRADICTED, LEAST_CLEAN, UNDAMPED
 from wheelplane.centre.edge.edge_residuals import (
@@ -162,7 +161,7 @@ def recorded(last_m=1e-8, few=False):
     state = state_of()
     problem = scene(PLATE, state, 4000)
     problem = EdgeProblem(problem.plane, problem.depth, problem.prior, PLATE, SIGMA_M, few)
-    background = look_up(problem.beams(state), problem.depth, state)
+    background = problem.background(state)
     linear = equations(problem, background, state, Zones.alike(), True, True)
     found = Solution(state, Zones.alike(), background, linear, 7, last_m)
     return solution.record(found, problem, 0.8), linear, problem

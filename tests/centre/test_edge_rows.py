@@ -27,7 +27,6 @@ from wheelplane.centre.edge.beams import (
     bevel_reflectance,
     carry,
     carry_near,
-    look_up,
     pointed,
     wall_reflectance,
 )
@@ -53,6 +52,7 @@ from wheelplane.centre.edge.edge_residuals import (
     INNER_M,
     OUTER_M,
     POINTING_M,
+    UNEVEN_SECTORS,
     ZONES,
     EdgeProblem,
     Zones,
@@ -160,9 +160,11 @@ def test_a_wall_at_its_least_reflectance_has_no_slope():
 def test_rows_of_mixed_pixels_are_those_of_their_formulas(outline, converged):
     state, rng = state_of(), np.random.default_rng(2)
     problem = scene(outline, state, 4000)
-    found = look_up(problem.beams(state), problem.depth, state)
-    usable = found.usable & (np.arange(len(found.usable)) % 7 > 0)
-    background, zones = replace(found, usable=usable), Zones(rng.normal(size=ZONES), 0.5)
+    all_round = problem.background(state).usable
+    problem = replace(problem, left_out=np.arange(UNEVEN_SECTORS) % 7 == 0)
+    background, zones = problem.background(state), Zones(rng.normal(size=ZONES), 0.5)
+    usable = background.usable
+    assert 0 < np.count_nonzero(usable) < np.count_nonzero(all_round)
     linear = equations(problem, background, state, zones, converged, True)
     beams, z = carry(problem.plane, problem.depth, state, outline), problem.depth
     part = background.sector(beams)
@@ -210,10 +212,29 @@ def test_rows_of_mixed_pixels_are_those_of_their_formulas(outline, converged):
     assert np.ptp(np.sign(beams.tau[kept])) == 2.0
 
 
+@pytest.mark.parametrize("outline", [DISC, PLATE], ids=["disc", "plate"])
+def test_residuals_go_with_the_state_without_steps(outline):
+    """As smoothly as the profile does: no point comes or goes, or falls into another sector."""
+    state = state_of()
+    problem = scene(outline, state, 20000)
+    background, way = problem.background(state), np.zeros(STATE)
+    way[CENTRE], way[SPOT] = (3e-4, -2e-4), 0.02
+
+    def residual_m(share):
+        linear = equations(problem, background, state + share * way, Zones.alike(), True, True)
+        return linear.residual_m
+
+    shares = np.linspace(0.0, 1.0, 41)
+    steps = np.abs(np.diff([residual_m(share) for share in shares], axis=0))
+    most = 0.12 * np.hypot(*way[CENTRE]) / 5e-4 / 40.0  # the background's depth over the footprint
+    assert steps.max() < 2.0 * most
+    assert steps.max() > 0.1 * most
+
+
 def test_consistent_slopes_are_those_at_the_profile_s_depth():
     state = state_of()
     problem = scene(PLATE, state, 3000)
-    background = look_up(problem.beams(state), problem.depth, state)
+    background = problem.background(state)
     rows = [equations(problem, background, state, Zones.alike(), True, c) for c in (True, False)]
     z = rows[0].residual_m
     apart = rows[1].slopes - rows[0].slopes

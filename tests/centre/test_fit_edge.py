@@ -19,7 +19,7 @@ from wheelplane.centre.edge.beam_direction import (
     is_contradicted,
     seen_through,
 )
-from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Background, Prior, look_up
+from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, RATIO, Background, Prior
 from wheelplane.centre.edge.edge_residuals import (
     EdgeProblem,
     Zones,
@@ -243,7 +243,7 @@ def at_truth(**changes):
     outline, points, station = scanned("disc", **changes)
     state, prior = true_state(station), Prior.of(0.01, CONFIG)
     problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
-    background = look_up(problem.beams(state), problem.depth, state)
+    background = problem.background(state)
     return outline, prior, equations(problem, background, state, Zones.alike(), True, True)
 
 
@@ -265,6 +265,13 @@ def scatter_of_zones(**changes):
     points = np.random.default_rng(0).permutation(points)
     problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
     return zone_scatter(_solved(problem, true_state(station), Zones.alike(), 40).equations, prior)
+
+
+def test_a_reflectance_ratio_that_is_off_is_no_scatter_of_zones():
+    _, prior, linear = at_truth()
+    off = linear.residual_m + 0.05 * linear.slopes[:, RATIO]
+    apart = zone_scatter(replace(linear, residual_m=off), prior) - zone_scatter(linear, prior)
+    assert abs(apart) < 0.01
 
 
 def test_backgrounds_of_one_brightness_do_not_differ():

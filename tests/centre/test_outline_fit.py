@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wheelplane.centre.edge.beams import MODULATION, ROTATION, STATE, Prior, look_up
+from wheelplane.centre.edge.beams import MODULATION, ROTATION, STATE, Prior
 from wheelplane.centre.edge.edge_residuals import ZONES, EdgeProblem, Zones, equations
 from wheelplane.centre.outline_fit import check_outline, place_circle
 from wheelplane.config import CentreConfig
@@ -110,7 +110,7 @@ def test_slopes_of_the_equations_are_those_of_central_differences(name, index):
     logs = np.log([0.0015, 0.008, 1.3])
     state = np.array([0.001, -0.002, 0.3, -0.2, 0.4, *logs, 0.03, 0.75, 0.3, 0.0, 3e-4, 60.0])
     problem = problem_of(outline, state, rng)
-    background = look_up(problem.beams(state), problem.depth, state)
+    background = problem.background(state)
     zones = Zones(rng.normal(0.0, 0.2, ZONES), 0.5)
     here = equations(problem, background, state, zones, True, False)
     step = np.zeros(STATE)

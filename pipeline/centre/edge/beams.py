@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from ...config import CentreConfig
 from ...targets import Outline, sector
-from ...vectors import Array, Mask, turned
+from ...vectors import Array, Mask, Rows, turned
 from .mixed_pixel import END
 
 RING_M = (0.001, 0.011)  # beyond the footprint: where the clean background is looked up
@@ -36,7 +36,8 @@ class Background:
     """Clean background by sector, (K,) each: a line of depth over x, and where it can be used.
 
     depth_m at from_m outside the edge; slope; spread_m about the line. log_light: (K,) logs of its
-    intensities over that of the middle sector; None where they are unknown.
+    intensities over that of the middle sector; None where they are unknown. rows, part: (N,) points
+    that are compared with it, near the edge where it was looked up, and their sectors.
     """
 
     depth_m: Array
@@ -45,6 +46,12 @@ class Background:
     spread_m: Array
     usable: Mask
     log_light: Array | None = None
+    rows: Rows = field(default_factory=lambda: np.zeros(0, np.int64))
+    part: Rows = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def of_some(self, most: int) -> Background:
+        """Return the background with so many of the points that are compared with it."""
+        return replace(self, rows=self.rows[:most], part=self.part[:most])
 
     def lighter(self, part: npt.NDArray[np.int64]) -> Array:
         """Return the logs (N,) of the intensities in sectors (N,), 0 where they are unknown."""

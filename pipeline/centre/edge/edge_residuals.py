@@ -52,7 +52,7 @@ FEW = 120  # points in the band of the edge: fewer count as few
 MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
 SCATTERS, NODES = np.geomspace(1.0, 20.0, 200), 40  # of Gaussian residuals of few points
 GAMMA_SIGMA = 3.0  # of the power of intensities by which backgrounds are bright (k = 1)
-RANK = 1e-6  # of a zone's information: least that the other parameters may leave of it
+RANK = 1e-3  # of zones' information: what the other parameters leave of it, if anything
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +111,22 @@ class EdgeProblem:
         return replace(self, plane=plane, depth=self.depth[rows], intensity=intensity, light=light)
 
     def background(self, state: Array) -> Background:
-        """Return the background by sector at a state, of those that are not left out."""
-        found = look_up(self.beams(state), self.depth, state, self.light)
-        if self.left_out is None:
-            return found
-        middle = (np.arange(len(found.usable)) + 0.5) / len(found.usable)
-        return replace(found, usable=found.usable & ~self.left_out[sector(middle, UNEVEN_SECTORS)])
+        """Return the background by sector at a state, and the points that are compared with it.
+
+        Of sectors that are not left out. The points do not change with the state while a fit
+        converges: one that came or went, or fell into another sector, would move its solution.
+        """
+        beams = self.beams(state)
+        found = look_up(beams, self.depth, state, self.light)
+        usable = found.usable
+        if self.left_out is not None:
+            middle = (np.arange(len(usable)) + 0.5) / len(usable)
+            usable = usable & ~self.left_out[sector(middle, UNEVEN_SECTORS)]
+        outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
+        band = (beams.x_m > -INNER_M) & (beams.x_m < outer) & beams.clear
+        part = found.sector(beams)
+        rows = np.flatnonzero(band & (self.depth > -5.0 * self.sigma_m - 1e-4) & usable[part])
+        return replace(found, usable=usable, rows=rows, part=part[rows])
 
     def beams(self, state: Array) -> Beams:
         """Return the points' beams, carried to the plane; those of the last state are kept."""
@@ -275,24 +285,26 @@ def equations(
     converged: bool,
     consistent: bool,
 ) -> Equations:
-    """Linearise the residuals of the points near the edge from the profile at `state`.
+    """Linearise the residuals of the points compared with a background from the profile at `state`.
 
     converged: weigh by Tukey's function, near the solution, else by Cauchy's. consistent: slopes at
     the profile's depth; at the measured one they correlate with its noise, which biases the centre
     by some 20 um but avoids divergence along the ridge of footprint and reflectance ratio.
     """
-    sigma_m = problem.sigma_m
-    near, beams = carry_near(
-        problem.plane, problem.depth, state, problem.outline, (INNER_M, OUTER_M)
-    )
-    z, part = problem.depth[near], background.sector(beams)
-    outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
-    band = (beams.x_m < outer) & (z > -5.0 * sigma_m - 1e-4) & background.usable[part]
-    kept = np.flatnonzero(band & beams.clear)
-    beams, z, part = beams.taken(kept), z[kept], part[kept]
+    z = problem.depth[background.rows]
+    plane = problem.plane.T.take(background.rows, axis=1).T
+    beams = carry(plane, z, state, problem.outline)
     modulation = None if problem.prior.is_of_means else float(state[MODULATION])
     profile, variance = predicted(
-        beams, part, background, state, zones, sigma_m, modulation, problem.gamma, problem.bend
+        beams,
+        background.part,
+        background,
+        state,
+        zones,
+        problem.sigma_m,
+        modulation,
+        problem.gamma,
+        problem.bend,
     )
     if problem.prior.is_sharp:
         profile = replace(profile, d_chamfer=0.0)
@@ -386,8 +398,9 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
     """Return the scatter of the zones' reflectances, in logs, at a solution without them.
 
     What they would explain, all else fitted too, beyond the residuals' own variance and CHANCE
-    standard deviations of that. The method of moments for random effects: with the information A
-    of K zones, E(pull' A^-1 pull) = K s^2 + sigma^2 tr A.
+    standard deviations of that; without what all share, which is the reflectance ratio. The method
+    of moments for random effects: with the information A of K zones,
+    E(pull' A^-1 pull) = K s^2 + sigma^2 tr A.
     Source: DerSimonian and Laird, Controlled Clinical Trials 7 (1986) 177.
     """
     weighted = linear.slopes.T * linear.weight
@@ -398,10 +411,13 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
     information = weighted @ linear.slopes + np.diag(prior.weight)
     cross = cross[:, seen]
     own_seen = np.diag(shown[seen]) - cross.T @ np.linalg.solve(information, cross)
-    explained = pull[seen] @ np.linalg.solve(own_seen + RANK * np.diag(shown[seen]), pull[seen])
+    scale = np.sqrt(shown[seen])
+    left, axes = np.linalg.eigh(own_seen / np.outer(scale, scale))
+    kept = left > RANK
+    explained = np.sum((axes.T @ (pull[seen] / scale))[kept] ** 2 / left[kept])
     used = float(np.count_nonzero(linear.weight))
     variance = float(np.sum(linear.weight * linear.residual_m**2)) / used
-    count = np.count_nonzero(seen)
+    count = np.count_nonzero(kept)
     beyond = float(explained) - (count + CHANCE * np.sqrt(2.0 * count)) * variance
     return float(np.sqrt(max(beyond, 0.0) / np.trace(own_seen)))
 

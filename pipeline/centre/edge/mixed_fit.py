@@ -516,13 +516,13 @@ def _converge(
     has others, and ROUGH_POINTS.
     """
     ends_m = STEP_M if consistent else ROUGH_M
+    if not consistent:
+        most, problem = min(most, MOST_ROUGH), problem.of_some(ROUGH_POINTS)
     if background is None:
         background = problem.background(state)
     else:
         ends_m = NEAR_STEP_M
     length, before = 1.0, np.zeros(2)
-    if not consistent:
-        most, problem = min(most, MOST_ROUGH), problem.of_some(ROUGH_POINTS)
     for iteration in range(1, most + 1):
         if not consistent and iteration in LOOKS:
             background = problem.background(state)

@@ -46,7 +46,7 @@ SETTLED = 0.2  # share of u that a step may still be, then
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
 OUTLIER = 4.0  # square of an outlier, over its variance
 MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
-SOME_POINTS = 2000  # of those near an edge, that show how a round moves it
+SOME_POINTS = 600  # of those compared, that show how a round moves an edge
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
 FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
@@ -212,12 +212,12 @@ def by_round(found: Solution, problem: EdgeProblem) -> Array:
 
     By the residuals that a chamfer of CHAMFER_M leaves of such a round, at some of the points.
     """
-    state, some = found.state.copy(), problem.of_some(SOME_POINTS)
+    state, some = found.state.copy(), found.background.of_some(SOME_POINTS)
     state[CHAMFER] = CHAMFER_M
     cut, round_ = (
         equations(
-            replace(some, roundness=roundness),
-            found.background,
+            replace(problem, roundness=roundness),
+            some,
             state,
             found.zones,
             converged=True,
@@ -225,7 +225,7 @@ def by_round(found: Solution, problem: EdgeProblem) -> Array:
         )
         for roundness in (0.0, 1.0)
     )
-    each = len(problem.depth) / len(some.depth)
+    each = len(found.background.rows) / len(some.rows)
     cut = replace(cut, weight=each * cut.weight, change=each * cut.change)
     return moved(cut, round_.residual_m - cut.residual_m, problem.prior)[CENTRE] / CHAMFER_M
 
