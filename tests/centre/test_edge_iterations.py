@@ -177,7 +177,7 @@ def ended(weight=(1.0,) * 40, behind=0, share=None, depths=0, ratio=0.0, state=N
     share = np.arange(len(weight)) / len(weight) if share is None else share
     linear = SimpleNamespace(
         weight=np.array(weight), behind=behind, share=share, depths=depths,
-        residual_m=np.zeros(len(weight)),
+        residual_m=np.zeros(len(weight)), rows=None,
     )  # fmt: skip
     behind = SimpleNamespace(usable=np.ones(9, dtype=bool), depth_m=np.full(9, BEHIND_M))
     return Solution(state, Zones.alike(), behind, linear, 12, 1e-8)
@@ -285,7 +285,7 @@ def test_first_returns_may_explain_what_seems_another_size(
 ):
     """They are tried where the stated size explains less than another, and not by chance."""
     left = {"stated": stated, "grown": grown, "alone": alone}
-    equations = SimpleNamespace(residual_m=np.ones(count))
+    equations = SimpleNamespace(residual_m=np.ones(count), rows=None)
     solutions = {name: SimpleNamespace(state=name, equations=equations) for name in left}
     alone = {False: solutions["alone"], True: solutions["stated"]}
     monkeypatch.setattr(clean_fit, "_explained", lambda *args, by_power: alone[by_power])
@@ -367,6 +367,7 @@ def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_
 
     monkeypatch.setattr(mixed_fit, "_best", best)
     monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "pointing_m", lambda problem, *_: problem.pointing_m)
     monkeypatch.setattr(mixed_fit, "_is_strange", lambda *args: strange)
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 0.0)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
@@ -435,7 +436,10 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
         weights.append(problem.prior.weight[GROWTH])
         name = "first" if len(weights) == 1 else "stated"
         linear = SimpleNamespace(
-            weight=np.array([0.0, 4.0, 4.0]), residual_m=np.ones(3), uneven=lambda *_: NONE_UNEVEN
+            weight=np.array([0.0, 4.0, 4.0]),
+            residual_m=np.ones(3),
+            uneven=lambda *_: NONE_UNEVEN,
+            rows=None,
         )
         zones = Zones.free() if freed and name == "stated" else Zones.alike()
         return Solution(states[name], zones, None, linear, 5, 0.0)
@@ -444,7 +448,9 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
         assert consistent
         assert state is states["stated" if len(weights) == 2 else "again"]
         weights.append(problem.prior.weight[GROWTH])
-        linear = SimpleNamespace(weight=np.full(3, 4.0), residual_m=np.full(3, left**0.5))
+        linear = SimpleNamespace(
+            weight=np.full(3, 4.0), residual_m=np.full(3, left**0.5), rows=None
+        )
         return Solution(states["again"], zones, None, linear, 5, 0.0)
 
     monkeypatch.setattr(mixed_fit, "_by_backgrounds", by_backgrounds)
@@ -627,3 +633,19 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
         )
         assert alike == by_chance == pytest.approx(odds / (1.0 + odds), abs=1e-12)
         assert better == 1.0
+
+
+def test_what_one_solution_alone_compares_with_a_background_counts_for_neither():
+    def of(rows, residuals):
+        linear = SimpleNamespace(
+            rows=np.array(rows), weight=np.ones(len(rows)), residual_m=np.array(residuals)
+        )
+        return SimpleNamespace(equations=linear)
+
+    good = of(range(150), [1.0] * 100 + [1.9] * 50)
+    poor = of(range(100), [1.2] * 100)
+    assert solution.explains_less(poor, good)
+    assert not solution.explains_less(good, poor)
+    apart = of(range(200, 250), [1.9] * 50)  # nothing in common
+    assert not solution.explains_less(apart, poor)
+    assert not solution.explains_less(poor, apart)

@@ -119,7 +119,7 @@ def test_a_leaning_plane_turns_a_face_that_is_seen_aslant(name, slope):
              for basis, f in ((b, before), (tilted, after))]  # fmt: skip
     moved = angle[1] - angle[0]
     assert moved == pytest.approx(sign * component.turn[column], abs=0.02 * 1e-3)
-    assert np.abs(moved) > 0.1 * 1e-3  # none at all, and the other way, fail
+    assert np.abs(moved) > 0.09 * 1e-3  # none at all, and the other way, fail
 
 
 def test_a_scan_that_is_turned_turns_the_face():

@@ -35,7 +35,10 @@ from .beams import (
 from .mixed_pixel import EdgeProfile, edge_profile, rounded
 
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
-POINTING_M = 1.5e-4  # standard uncertainty of x by beam pointing and scan grid
+# Standard uncertainty of x by beam pointing and scan grid, at most, and at least. Number of those
+# tried, and how often; share of the variance, and points, from which it shows; outliers' square.
+POINTING_M, LEAST_POINTING_M = 1.5e-4, 5e-5
+POINTINGS, POINTED_TIMES, POINTED, LEAST_POINTED, OUTLYING = 12, 3, 0.5, 100, 16.0
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
 ZONES = 48  # of the outline, each with a reflectance of its background; within one sector each
@@ -63,8 +66,8 @@ class EdgeProblem:
     station: (3,) that all beams come from, if known. intensity, light: (N,) of that of the face,
     NaN where unknown, or None: of points on the target, and of all. gamma: power of the light with
     which the background's reflectance goes. roundness: of the target's edge, 0 of a chamfer, 1 of a
-    radius, see `rounded`. left_out: (UNEVEN_SECTORS,) sectors of the outline that are not used;
-    None: such were not looked for.
+    radius, see `rounded`. pointing_m: standard uncertainty of where beams meet the plane. left_out:
+    (UNEVEN_SECTORS,) sectors of the outline that are not used; None: such were not looked for.
     """
 
     plane: Array
@@ -78,6 +81,7 @@ class EdgeProblem:
     light: Array | None = None
     gamma: float = 0.0
     roundness: float = 0.0
+    pointing_m: float = POINTING_M
     left_out: Mask | None = None
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -170,6 +174,7 @@ class Equations:
     by the plane's height. depths: number of first rows that are
     depths; the others are places of the edge, the last `behind` of them on the background.
     half_gap_m: how far on both sides of the edge beams are missing, beyond what the spacing leaves.
+    rows: (N,) of the points of the problem, of mixed pixels; None of others.
     """
 
     q_m: Array
@@ -183,6 +188,7 @@ class Equations:
     depths: int
     behind: int = 0
     half_gap_m: float = 0.0
+    rows: Rows | None = None
 
     @classmethod
     def stacked(
@@ -250,7 +256,8 @@ class Equations:
         return replace(self._of(rows), depths=depths, behind=behind)
 
     def _of(self, rows: Rows) -> Equations:
-        names = ("q_m", "share", "residual_m", "slopes", "weight", "change", "by_height")
+        names = ["q_m", "share", "residual_m", "slopes", "weight", "change", "by_height"]
+        names += [] if self.rows is None else ["rows"]
         return replace(self, **{name: getattr(self, name).T[..., rows].T for name in names})
 
     def by_zone(self, weight: Array) -> tuple[Array, Array]:
@@ -291,21 +298,8 @@ def equations(
     the profile's depth; at the measured one they correlate with its noise, which biases the centre
     by some 20 um but avoids divergence along the ridge of footprint and reflectance ratio.
     """
-    z = problem.depth[background.rows]
-    plane = problem.plane.T.take(background.rows, axis=1).T
-    beams = carry(plane, z, state, problem.outline)
-    modulation = None if problem.prior.is_of_means else float(state[MODULATION])
-    profile, variance = predicted(
-        beams,
-        background.part,
-        background,
-        state,
-        zones,
-        problem.sigma_m,
-        modulation,
-        problem.gamma,
-        problem.bend,
-    )
+    beams, z = _compared(problem, background, state)
+    profile, variance = predicted(problem, beams, background.part, background, state, zones)
     if problem.prior.is_sharp:
         profile = replace(profile, d_chamfer=0.0)
     residual = z - profile.depth_m
@@ -320,19 +314,24 @@ def equations(
         by_height=1.0 - profile.by_background - profile.d_x * beams.tau * beams.shrink,
         zones=zones,
         depths=len(residual),
+        rows=background.rows,
     )
 
 
+def _compared(problem: EdgeProblem, background: Background, state: Array) -> tuple[Beams, Array]:
+    """Return the beams, and the depths (N,), of the points that are compared with a background."""
+    depth = problem.depth[background.rows]
+    plane = problem.plane.T.take(background.rows, axis=1).T
+    return carry(plane, depth, state, problem.outline), depth
+
+
 def predicted(
+    problem: EdgeProblem,
     beams: Beams,
     part: npt.NDArray[np.int64],
     background: Background,
     state: Array,
     zones: Zones,
-    sigma_m: float,
-    modulation: float | None = None,
-    gamma: float = 0.0,
-    roundness: float = 0.0,
 ) -> tuple[EdgeProfile, Array]:
     """Return the profile that beams before sectors (N,) of a background show, and the variance.
 
@@ -341,9 +340,10 @@ def predicted(
     facing = np.maximum(beams.tau, 0.0)
     behind, behind_slope = background.at(part, beams.x_m)
     log_ratio = state[RATIO] + zones.log[sector(beams.share, ZONES)]
-    if gamma != 0.0:
-        log_ratio += gamma * background.lighter(part)
-    width, lean, lean_by_tau = rounded(beams.tau, roundness)
+    if problem.gamma != 0.0:
+        log_ratio += problem.gamma * background.lighter(part)
+    slant = 1.0 + float(state[BEAM] @ state[BEAM])
+    width, lean, lean_by_tau = rounded(beams.tau, problem.bend)
     profile = edge_profile(
         beams.x_m,
         beams.tau,
@@ -353,10 +353,10 @@ def predicted(
         np.exp(log_ratio),
         wall_reflectance(facing, state)[0],
         float(state[SHAPE]),
-        beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
+        beams.tau / slant,
         width * float(state[CHAMFER]),
         bevel_reflectance(beams.tau, float(state[WALL])),
-        None if modulation is None else modulation * (1.0 + float(state[BEAM] @ state[BEAM])),
+        None if problem.prior.is_of_means else float(state[MODULATION]) * slant,
         lean,
     )
     profile = replace(
@@ -366,7 +366,31 @@ def predicted(
         d_lean=profile.d_lean * lean_by_tau,
     )
     rough = profile.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
-    return profile, (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
+    by_pointing = (profile.d_x * problem.pointing_m) ** 2
+    return profile, (problem.sigma_m + 1e-6) ** 2 + by_pointing + rough**2
+
+
+def pointing_m(problem: EdgeProblem, background: Background, state: Array, zones: Zones) -> float:
+    """Return the standard uncertainty of where beams meet the plane that mixed pixels show.
+
+    With it, the mean square of their residuals over their standard uncertainties is 1: of points
+    that are no outliers, and at whose depth it counts for POINTED or more. That of the problem at
+    most, and where they are fewer than LEAST_POINTED.
+    """
+    beams, depth = _compared(problem, background, state)
+    profile, variance = predicted(problem, beams, background.part, background, state, zones)
+    by_pointing = (profile.d_x * problem.pointing_m) ** 2
+    rows = np.flatnonzero(by_pointing > POINTED * variance)
+    square, other = (depth - profile.depth_m)[rows] ** 2, (variance - by_pointing)[rows]
+    slopes, shown_m = profile.d_x[rows] ** 2, problem.pointing_m
+    tried_m = np.geomspace(shown_m, LEAST_POINTING_M, POINTINGS)
+    for _ in range(POINTED_TIMES):
+        near = square < OUTLYING * (other + slopes * shown_m**2)
+        if np.count_nonzero(near) < LEAST_POINTED:
+            return problem.pointing_m
+        means = [np.mean((square / (other + slopes * one**2))[near]) for one in tried_m]
+        shown_m = float(np.interp(1.0, means, tried_m))
+    return shown_m
 
 
 def step(

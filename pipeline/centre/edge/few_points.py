@@ -61,13 +61,7 @@ def total_loss(problem: EdgeProblem, state: Array, background: Background) -> fl
     square = (depth / problem.sigma_m) ** 2  # as on the face
     rows = np.flatnonzero(background.usable[part])
     profile, variance = predicted(
-        beams.taken(rows),
-        part[rows],
-        background,
-        state,
-        Zones.alike(),
-        problem.sigma_m,
-        roundness=problem.bend,
+        problem, beams.taken(rows), part[rows], background, state, Zones.alike()
     )
     square[rows] = (depth[rows] - profile.depth_m) ** 2 / variance
     loss = 2.0 * np.log1p(square / 4.0)

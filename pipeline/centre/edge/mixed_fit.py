@@ -37,11 +37,13 @@ from .edge_residuals import (
     Zones,
     along,
     equations,
+    pointing_m,
     power_of_light,
     step,
     zone_scatter,
 )
 from .few_points import likeliest
+from .mixed_pixel import EITHER
 from .solution import (
     AS_MUCH,
     BY_CHANCE,
@@ -82,7 +84,7 @@ TENSE, MOST_TENSE = 2.0, 6.0
 LIKELY = 3.0  # standard deviations of a size that may be so
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 3e-3  # that an edge may seem to have, and may have
-LOW_CHAMFER_M = 8e-5  # by which a fitted chamfer is too narrow, with a wall as thin (k = 1)
+LOW_CHAMFER_M = 5e-5  # by which a fitted chamfer is too narrow, with a wall as thin (k = 1)
 BY_CHAMFER = 0.58  # of what a chamfer would move that may be a wrong width: any part of it
 LEAST_SHARP_M = -3e-5  # that a sharp edge may seem to have
 BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
@@ -112,7 +114,10 @@ def fit_mixed(
     if steep:  # footprint and beams would diverge with the wall
         problem = replace(problem, prior=problem.prior.plain())
     plain = problem
-    problem, found = _lit(*_freed(*_best(problem, state, most), config), plain, state, config)
+    problem, found = _best(problem, state, most)
+    shown_m = _pointing_m(problem, found)
+    problem, plain = (replace(one, pointing_m=shown_m) for one in (problem, plain))
+    problem, found = _lit(*_freed(problem, found, config), plain, state, config)
     plain = replace(plain, gamma=problem.gamma)
     if steep and thickness_m is not None and _is_strange(found, problem.prior):
         held = replace(plain, prior=plain.prior.held(state))
@@ -246,6 +251,16 @@ def _where_stated(
     without = replace(problem, left_out=left_out)
     again = _again(without, stated, most)
     return (problem, found) if abs(again.state[GROWTH]) > OTHER_SIZE_M else (without, again)
+
+
+def _pointing_m(problem: EdgeProblem, found: Solution) -> float:
+    """Return the standard uncertainty of where beams meet the plane, as a solution shows it.
+
+    Not of an edge that is stated to be round: its model errs by 0.01 mm, which would count more.
+    """
+    if problem.few or problem.roundness > EITHER or found.last_m > CONVERGED_M:
+        return problem.pointing_m
+    return pointing_m(problem, found.background, found.state, found.zones)
 
 
 def _lit(

@@ -374,7 +374,17 @@ def _squares(linear: Equations) -> Array:
 def explains_less(
     found: Solution, other: Solution, ratio: float = 1.0, by_chance: float = BY_CHANCE
 ) -> bool:
-    """Return whether a solution leaves more than `ratio` of what another does, not by chance."""
+    """Return whether a solution leaves more than `ratio` of what another does, not by chance.
+
+    Of mixed pixels by the points that both compare with a background: those of one alone, before a
+    background that is easier or harder to explain, would count for more than the edge.
+    """
     left, least = unexplained(found), unexplained(other)
     count = min(len(found.equations.residual_m), len(other.equations.residual_m))
+    rows, others = found.equations.rows, other.equations.rows
+    if rows is not None and others is not None:
+        both, mine, its = np.intersect1d(rows, others, assume_unique=True, return_indices=True)
+        if (count := len(both)) > 0:
+            left = float(np.mean(_squares(found.equations)[mine]))
+            least = float(np.mean(_squares(other.equations)[its]))
     return left > ratio * least and count * (left - least) > by_chance
