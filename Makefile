@@ -16,7 +16,7 @@ demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true 
 test: $(VENV)/ready  ## the tests, but for those marked slow
 	$(BIN)/python -m pytest -n 3 --dist loadfile -m "not slow"
 
-test-all: $(VENV)/ready  ## all tests; CI runs a thirty-second of the slow ones for each commit
+test-all: $(VENV)/ready  ## all tests; CI runs a fortieth of the slow ones for each commit
 	$(BIN)/python -m pytest -n 2
 
 smoke: $(VENV)/ready  ## the demo and the tests of files and batches, for another Python: PYTHON=, VENV=

@@ -111,6 +111,7 @@ def in_units_of_u(cloud, fit):
     return off[seen] / u[seen], u[seen]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_m", [2e-4, 8e-4])
 @pytest.mark.parametrize(
     ("shift_mm", "tilt_deg"),

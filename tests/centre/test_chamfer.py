@@ -40,6 +40,7 @@ def results(chamfer_m, incidence_deg, noise_m=2e-4, rounded=False, **stated):
         yield found(make(scene, seed), target, seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("incidence_deg", [15.0, 35.0])
 @pytest.mark.parametrize("chamfer_m", [0.0, 3e-4, 6e-4])
 def test_a_chamfer_that_is_not_stated_is_found_and_moves_no_centre(chamfer_m, incidence_deg):
@@ -56,6 +57,7 @@ def test_a_chamfer_that_is_not_stated_is_found_and_moves_no_centre(chamfer_m, in
     assert min(widths) >= 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("incidence_deg", [8.0, 20.0, 35.0])
 @pytest.mark.parametrize("radius_m", [3e-4, 7e-4])
 def test_a_rounded_edge_is_in_the_uncertainty(radius_m, incidence_deg):
@@ -65,6 +67,7 @@ def test_a_rounded_edge_is_in_the_uncertainty(radius_m, incidence_deg):
     assert np.median([one.u_m for one in found_all]) < 4e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("incidence_deg", [8.0, 20.0, 35.0])
 @pytest.mark.parametrize("radius_m", [7e-4, 1.4e-3])
 def test_a_stated_edge_radius_is_used(radius_m, incidence_deg):

@@ -61,12 +61,13 @@ def test_a_chamfer_before_lambert_s_walls_is_in_the_uncertainty(tmp_path, seed):
     assert np.sum(found) < stats.chi2.isf(1e-3, 2 * len(found))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "target"),
     [
         ("quiet", "rectangle-360x240"),
-        pytest.param("quiet", "pattern-circles", marks=pytest.mark.slow),
-        pytest.param("strongest", "disc-250", marks=pytest.mark.slow),
+        ("quiet", "pattern-circles"),
+        ("strongest", "disc-250"),
     ],
 )
 def test_a_chamfer_that_no_fit_shows_is_in_the_uncertainty(tmp_path, case, target):

@@ -341,6 +341,7 @@ def test_of_a_chamfer_the_depth_is_that_of_rays_that_march_to_it(tau, chamfer):
     np.testing.assert_allclose(depth_of(chamfer), truth, atol=1.2e-5 + none)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [7e-4, 1.5e-3])
 @pytest.mark.parametrize("tau", [-0.7, -0.35, -0.1, 0.1, 0.4, 0.7])
 def test_of_a_rounded_edge_the_depth_is_that_of_rays_that_march_to_it(tau, radius):

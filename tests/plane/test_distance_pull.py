@@ -85,6 +85,7 @@ def test_planes_are_off_by_the_pull_where_the_file_s_order_is_that_of_thinning(d
     assert 0.5 < after < 1.5  # chi-square of 16, 0.9999
 
 
+@pytest.mark.slow
 @THINNED
 def test_errors_are_within_the_pull_and_the_noise(distance_m, sigma_m):
     off_m, u_m, pull_m = pulls(distance_m, sigma_m)

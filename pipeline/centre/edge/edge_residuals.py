@@ -37,7 +37,7 @@ from .mixed_pixel import EdgeProfile, edge_profile, rounded
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
 # Standard uncertainty of x by beam pointing and scan grid, at most, and at least. Number of those
 # tried, and how often; share of the variance, and points, from which it shows; outliers' square.
-POINTING_M, LEAST_POINTING_M = 1.5e-4, 5e-5
+POINTING_M, LEAST_POINTING_M = 1.5e-4, 1e-4
 POINTINGS, POINTED_TIMES, POINTED, LEAST_POINTED, OUTLYING = 12, 3, 0.5, 100, 16.0
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
@@ -521,14 +521,17 @@ def power_of_light(
 ) -> tuple[float, float]:
     """Return gamma after one step of it as one more parameter, and its standard uncertainty.
 
-    linear: at a solution with that gamma, before a background whose light is known.
+    By the scatter of the sectors, as of `spread`. linear: at a solution with that gamma, before a
+    background whose light is known.
     """
     linear, known = linear.shown, GAMMA_SIGMA**-2
     lighter = background.lighter(sector(linear.share, len(background.usable)))
     linear, prior = _with_one_more(linear, prior, lighter * linear.slopes[:, RATIO], known)
-    left, _, _, inverse = _normal_equations(linear, prior)
+    left, before, information, inverse = _normal_equations(linear, prior)
     score = left[:, -1] @ (linear.weight * linear.residual_m) - known * gamma
-    return gamma + float(inverse[-1, -1] * score), float(np.sqrt(inverse[-1, -1]))
+    squares = before + _squares(linear, left, sector(linear.share, SECTORS), information)
+    variance = float(inverse[-1] @ squares @ inverse[-1])
+    return gamma + float(inverse[-1, -1] * score), float(np.sqrt(variance))
 
 
 def _with_one_more(
