@@ -59,7 +59,7 @@ NONE_UNEVEN = np.zeros(UNEVEN_SECTORS, bool)
 
 def put_in(monkeypatch, moves):
     """Steps of the centre along u in their order, the last again and again; what was called."""
-    called = SimpleNamespace(flags=[], looks=[], newton=[])
+    called = SimpleNamespace(flags=[], looks=[], newton=[], compared=[])
 
     def move(linear, state, prior, newton=False):
         called.newton.append(newton)
@@ -75,7 +75,12 @@ def put_in(monkeypatch, moves):
 
     for module in (mixed_fit, clean_fit):
         monkeypatch.setattr(module, "step", move)
+
+    def compared(*args):
+        called.compared.append(len(called.flags) + 1)
+
     monkeypatch.setattr(EdgeProblem, "background", look)
+    monkeypatch.setattr(EdgeProblem, "compared", compared)
     monkeypatch.setattr(mixed_fit, "equations", linear)
     monkeypatch.setattr(clean_fit, "clean_equations", lambda *a: called.flags.append(a[2:]) or ZERO)
     return called
@@ -633,6 +638,13 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
         )
         assert alike == by_chance == pytest.approx(odds / (1.0 + odds), abs=1e-12)
         assert better == 1.0
+
+
+def test_points_follow_the_edge_while_steps_are_long_and_stay_while_a_fit_converges(monkeypatch):
+    called = put_in(monkeypatch, [3e-4, 6e-5, 4e-5, 3e-6, 0.5 * STEP_M])
+    mixed_fit._converge(problem_of(), state_of(), Zones.alike(), 40, True)
+    assert called.looks == [1]
+    assert called.compared == [2, 3]
 
 
 def test_what_one_solution_alone_compares_with_a_background_counts_for_neither():

@@ -117,20 +117,28 @@ class EdgeProblem:
     def background(self, state: Array) -> Background:
         """Return the background by sector at a state, and the points that are compared with it.
 
-        Of sectors that are not left out. The points do not change with the state while a fit
-        converges: one that came or went, or fell into another sector, would move its solution.
+        Of sectors that are not left out.
+        """
+        found = look_up(self.beams(state), self.depth, state, self.light)
+        if self.left_out is not None:
+            middle = (np.arange(len(found.usable)) + 0.5) / len(found.usable)
+            left_out = self.left_out[sector(middle, UNEVEN_SECTORS)]
+            found = replace(found, usable=found.usable & ~left_out)
+        return self.compared(found, state)
+
+    def compared(self, background: Background, state: Array) -> Background:
+        """Return a background with the points that are compared with it at a state.
+
+        They do not change with the state while a fit converges: one that came or went, or fell into
+        another sector, would move its solution.
         """
         beams = self.beams(state)
-        found = look_up(beams, self.depth, state, self.light)
-        usable = found.usable
-        if self.left_out is not None:
-            middle = (np.arange(len(usable)) + 0.5) / len(usable)
-            usable = usable & ~self.left_out[sector(middle, UNEVEN_SECTORS)]
         outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
         band = (beams.x_m > -INNER_M) & (beams.x_m < outer) & beams.clear
-        part = found.sector(beams)
-        rows = np.flatnonzero(band & (self.depth > -5.0 * self.sigma_m - 1e-4) & usable[part])
-        return replace(found, usable=usable, rows=rows, part=part[rows])
+        part = background.sector(beams)
+        near = band & (self.depth > -5.0 * self.sigma_m - 1e-4)
+        rows = np.flatnonzero(near & background.usable[part])
+        return replace(background, rows=rows, part=part[rows])
 
     def beams(self, state: Array) -> Beams:
         """Return the points' beams, carried to the plane; those of the last state are kept."""
