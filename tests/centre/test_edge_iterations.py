@@ -640,8 +640,16 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
         assert better == 1.0
 
 
-def test_points_follow_the_edge_while_steps_are_long_and_stay_while_a_fit_converges(monkeypatch):
-    called = put_in(monkeypatch, [3e-4, 6e-5, 4e-5, 3e-6, 0.5 * STEP_M])
+def test_points_follow_the_edge_while_it_grows_and_stay_while_a_fit_converges(monkeypatch):
+    called, growths = put_in(monkeypatch, [1e-3]), iter([3e-4, -6e-5, 4e-5])
+
+    def step(*args, **kwargs):
+        moved = np.zeros(STATE)
+        moved[GROWTH] = next(growths, 0.0)
+        moved[0] = 0.0 if moved[GROWTH] == 0.0 else 1e-3
+        return moved, Zones.alike()
+
+    monkeypatch.setattr(mixed_fit, "step", step)
     mixed_fit._converge(problem_of(), state_of(), Zones.alike(), 40, True)
     assert called.looks == [1]
     assert called.compared == [2, 3]

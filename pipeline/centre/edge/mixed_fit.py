@@ -70,7 +70,7 @@ LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST, LEAST_COVERED = 24, 0.25  # points about an edge; share of it with a background
 MOST_OF_FEW = 20  # iterations of each fit to few points
 NEAR_STEP_M = 1e-6  # of the centre, that ends a fit from a solution without a chamfer
-FAR_M = 5e-5  # step of centre or growth, after which other points lie near the edge
+FAR_M = 5e-5  # step of the growth, after which other points lie near the edge
 NEAR_MODULATION = 1.0  # of the modulation, 1/m^2, that ends a fit
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
 ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
@@ -550,7 +550,7 @@ def _converge(
         if consistent and float(moved[CENTRE] @ before) < 0.0:
             length = max(length * SHORTER, SHORTEST)
         before = moved[CENTRE]
-        far = float(np.abs(moved[[0, 1, GROWTH]]).max()) > FAR_M
+        far = abs(float(moved[GROWTH])) > FAR_M
         state = state + length * moved
         state[INVERSE] = max(state[INVERSE], 0.0)  # the scanner is before the plane
         last_m = float(np.abs(moved[CENTRE]).max())
