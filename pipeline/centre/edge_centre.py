@@ -16,7 +16,7 @@ from ..targets import Holes, Outline, Polygon, Target, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
-from .edge.beams import CENTRE, INVERSE, ROTATION, SIZE_M, Prior
+from .edge.beams import CENTRE, INVERSE, PARALLEL, ROTATION, SIZE_M, Prior
 from .edge.fit_edge import (
     Aim,
     Behind,
@@ -561,7 +561,7 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     beyond = edge_fit.misfit - MISFIT[0] - MISFIT_BY_BEND * max(bend - MIN_BEND_M, 0.0)
     doubt = min(max(beyond / (MISFIT[1] - MISFIT[0]), 0.0), 1.0)
     ratio, inverse = edge_fit.reflectance_ratio, edge_fit.inverse_distance
-    likely = edge_fit.is_clean or (1.0 / MAX_RATIO < ratio < MAX_RATIO and inverse > 0.0)
+    likely = edge_fit.is_clean or (1.0 / MAX_RATIO < ratio < MAX_RATIO and inverse > PARALLEL)
     if not (edge_fit.converged and likely):
         doubt = 1.0
     if doubt == 0.0 and not outline.shows_rotation:

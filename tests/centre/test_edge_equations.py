@@ -10,7 +10,7 @@ import pytest
 from scipy import integrate, optimize, stats
 from scipy.linalg import block_diag, sqrtm
 
-from wheelplane.centre.edge.beams import RATIO, STATE, Prior
+from wheelplane.centre.edge.beams import INVERSE, RATIO, STATE, Prior
 from wheelplane.centre.edge.edge_residuals import (
     CHANCE,
     LEAST_CHANGE,
@@ -53,7 +53,10 @@ def drawn(seed=0, scatter=0.5, share=None, size=1.0):
         depths=POINTS,
     )
     prior = Prior(0.01 * rng.normal(size=STATES), rng.uniform(10.0, 60.0, STATES))
-    return linear, prior, 0.01 * rng.normal(size=STATES)
+    state = 0.01 * rng.normal(size=STATES)
+    for at in (prior.mean, state):
+        at[INVERSE] += 2.0  # the scanner is before the plane
+    return linear, prior, state
 
 
 def dense(linear, prior):
@@ -126,6 +129,25 @@ def test_a_step_is_that_of_all_unknowns_at_once_and_of_limited_length(size):
         np.testing.assert_allclose(by_step, whole[STATES:], atol=1e-12)
 
 
+@pytest.mark.parametrize("pull", [0.0, -0.003])
+def test_a_step_keeps_the_scanner_before_the_plane(pull):
+    """It ends at parallel beams then, and all else goes where it would with these."""
+    linear, prior, state = drawn(seed=2, size=1e-4)
+    state[INVERSE], prior.mean[INVERSE] = 0.001, 0.002
+    beyond = linear.residual_m + pull * linear.slopes[:, INVERSE]
+    linear = replace(linear, residual_m=beyond, zones=Zones.alike())
+    moved, _ = step(linear, state, prior)
+    held = np.arange(STATES) == INVERSE
+    expected = moved[INVERSE] if pull == 0.0 else -0.001
+    assert moved[INVERSE] == pytest.approx(expected, rel=1e-9)
+    assert state[INVERSE] + moved[INVERSE] >= 0.0
+    slopes, known = linear.slopes[:, ~held], np.diag(prior.weight[~held])
+    left = linear.residual_m - linear.slopes[:, INVERSE] * moved[INVERSE]
+    gradient = slopes.T @ (linear.weight * left) - known @ (state - prior.mean)[~held]
+    others = np.linalg.solve((slopes.T * linear.weight) @ slopes + known, gradient)
+    np.testing.assert_allclose(moved[~held], others, rtol=2e-3, atol=1e-7)
+
+
 def test_a_step_of_nothing_is_no_step():
     linear, prior, _ = drawn(size=0.0)
     linear = replace(linear, zones=Zones.alike())
@@ -140,7 +162,7 @@ def test_newton_steps_end_where_the_estimating_equations_do_and_sooner():
     first = replace(drawn_once, zones=Zones.alike())
 
     def at(state):
-        residual_m = first.residual_m - first.slopes @ state
+        residual_m = first.residual_m - first.slopes @ (state - prior.mean)
         weight, change = robust_weight(residual_m**2, True)
         return replace(first, residual_m=residual_m, weight=weight, change=change)
 

@@ -225,6 +225,7 @@ WRONG_SIZE_M = 1e-3  # of a radius that is wrong (k = 1)
 STATION_M = 0.005  # of a scanner's stated position against the origin of its beams (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # least depth of a background
+PARALLEL = 1e-3  # inverse distance, 1/m, up to which beams count as parallel
 
 
 @dataclass(frozen=True, eq=False)

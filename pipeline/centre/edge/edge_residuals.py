@@ -15,6 +15,7 @@ from .beams import (
     BEAM,
     CHAMFER,
     GROWTH,
+    INVERSE,
     MODULATION,
     RATIO,
     SHAPE,
@@ -37,7 +38,7 @@ from .mixed_pixel import EdgeProfile, edge_profile, rounded
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
 # Standard uncertainty of x by beam pointing and scan grid, at most, and at least. Number of those
 # tried, and how often; share of the variance, and points, from which it shows; outliers' square.
-POINTING_M, LEAST_POINTING_M = 1.5e-4, 1e-4
+POINTING_M, LEAST_POINTING_M = 1.5e-4, 5e-5
 POINTINGS, POINTED_TIMES, POINTED, LEAST_POINTED, OUTLYING = 12, 3, 0.5, 100, 16.0
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
@@ -420,7 +421,11 @@ def step(
     drawn = prior.weight * (state - prior.mean) + cross / own @ pull
     gradient = linear.slopes.T @ (linear.weight * linear.residual_m) - drawn
     change = (slopes.T * linear.change) @ slopes + known if newton else information
-    found = _inverse(change, information) @ gradient
+    inverse = _inverse(change, information)
+    found = inverse @ gradient
+    behind = float(state[INVERSE] + found[INVERSE])
+    if behind < 0.0:  # the scanner is before the plane
+        found -= behind / inverse[INVERSE, INVERSE] * inverse[INVERSE]
     found *= min(1.0, float((LIMIT / np.maximum(np.abs(found), 1e-12)).min()))
     log = linear.zones.log + np.clip((pull - found @ cross) / own, -0.5, 0.5)
     return np.asarray(found), Zones(log, linear.zones.sigma)

@@ -18,6 +18,7 @@ from .beams import (
     GROWTH,
     INVERSE,
     MODULATION,
+    PARALLEL,
     RATIO,
     ROTATION,
     SHAPE,
@@ -126,13 +127,10 @@ def fit_mixed(
     fitted = _recorded(found, problem)
     if fitted is None:
         return None
-    stretched = as_stretched(fitted, found, problem)
     if thickness_m is None:
-        return stretched
-    pull = _pulls(fitted, problem.prior)[EDGE.index(THICKNESS)]
-    fitted, stretched = (replace(one, thickness_pull=pull) for one in (fitted, stretched))
-    tension = _tension(fitted, problem.prior)
-    if not problem.few and (tension < TENSE or _is_wider(stretched, problem.prior)):
+        return as_stretched(fitted, found, problem)
+    fitted, stretched = _pulled(fitted, found, problem)
+    if not problem.few and _is_explained(fitted, stretched, problem.prior):
         return stretched
     doubted = replace(plain, prior=plain.prior.doubted())
     if problem.few:
@@ -142,6 +140,13 @@ def fit_mixed(
         if _reaches_background(other):
             doubted = replace(problem, prior=problem.prior.doubted())
             other = _again(doubted, found, most)
+        there = replace(plain, left_out=doubted.left_out)
+        if better := _from_other(found, there, other, config):
+            problem, found = better
+            fitted, stretched = _pulled(record(found, problem, found.covered), found, problem)
+            if _is_explained(fitted, stretched, problem.prior):
+                return stretched
+    tension = _tension(fitted, problem.prior)
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
         return stretched
@@ -149,6 +154,33 @@ def fit_mixed(
     if chosen.by_thickness_m is None:
         return chosen
     return replace(stretched, by_thickness_m=chosen.by_thickness_m)
+
+
+def _from_other(
+    found: Solution, there: EdgeProblem, other: Solution, config: CentreConfig
+) -> tuple[EdgeProblem, Solution] | None:
+    """Return a problem with its solution from that with another thickness, if it explains more.
+
+    That may have left what led the first one, `found`, astray. there: the problem with the stated
+    thickness, as for the other solution.
+    """
+    if not explains_less(found, other):
+        return None
+    there, again = _freed(there, _again(there, other, config.max_iterations), config)
+    likely = again.last_m < CONVERGED_M and again.covered > LEAST_COVERED
+    return (there, again) if likely and explains_less(found, again) else None
+
+
+def _pulled(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> tuple[EdgeFit, EdgeFit]:
+    """Return the fit of a solution with the pull at its thickness, and with the width unknown."""
+    pull = _pulls(fitted, problem.prior)[EDGE.index(THICKNESS)]
+    stretched = as_stretched(fitted, found, problem)
+    return replace(fitted, thickness_pull=pull), replace(stretched, thickness_pull=pull)
+
+
+def _is_explained(fitted: EdgeFit, stretched: EdgeFit, prior: Prior) -> bool:
+    """Return whether nothing pulls at the stated thickness, or a width that may be so does."""
+    return _tension(fitted, prior) < TENSE or _is_wider(stretched, prior)
 
 
 def _is_wider(fitted: EdgeFit, prior: Prior) -> bool:
@@ -225,7 +257,7 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, S
     else:
         as_much = unexplained(again) < AS_MUCH * unexplained(found)
     likely = as_much and (less or explains_less(found, again))
-    if likely and again.state[INVERSE] > 0.0:
+    if likely and again.state[INVERSE] > PARALLEL:
         found = again
     if abs(found.state[GROWTH]) < OTHER_SIZE_M:
         return problem, found
@@ -291,13 +323,18 @@ def _lit(
         else:
             lit, first = _best(replace(plain, gamma=lit.gamma + change), state, most)
         more, better = _freed(lit, first, config)
-        if unexplained(better) > unexplained(other):
+        if _is_worse(better, other):
             break
         freed, other = more, better
-    chance = BY_ZONES if other.zones.sigma < found.zones.sigma else BY_CHANCE
-    if other.last_m > CONVERGED_M or explains_less(other, found, by_chance=chance):
+    if other.last_m > CONVERGED_M or _is_worse(other, found):
         return problem, found
     return freed, other
+
+
+def _is_worse(found: Solution, other: Solution) -> bool:
+    """Return whether a solution explains less than another, and than the zones of that may do."""
+    chance = BY_ZONES if found.zones.sigma < other.zones.sigma else BY_CHANCE
+    return explains_less(found, other, by_chance=chance)
 
 
 def _power_of_light(problem: EdgeProblem, found: Solution) -> tuple[float, float]:
@@ -470,7 +507,7 @@ def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
         return _solved(problem, state, Zones.free(), most)
     found = _converge(problem, state, Zones.alike(), most, consistent=False)
     clear = len(problem.depth) > CLEARLY and found.last_m < CONVERGED_M
-    if not (clear and found.state[INVERSE] > 0.0 and _differ(found, problem, SURELY)):
+    if not (clear and found.state[INVERSE] > PARALLEL and _differ(found, problem, SURELY)):
         found = _refined(problem, found, most)
         if not _differ(found, problem, DIFFERENT):
             return found
@@ -552,7 +589,6 @@ def _converge(
         before = moved[CENTRE]
         far = abs(float(moved[GROWTH])) > FAR_M
         state = state + length * moved
-        state[INVERSE] = max(state[INVERSE], 0.0)  # the scanner is before the plane
         last_m = float(np.abs(moved[CENTRE]).max())
         near = last_m < ends_m and abs(moved[MODULATION]) < NEAR_MODULATION
         if near and (consistent or iteration > max(LOOKS)):
