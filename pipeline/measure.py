@@ -55,6 +55,7 @@ from .measurement import (
     shaded,
     spaced,
     thinned,
+    with_alike_edges,
     without_thickness,
 )
 from .plane import Patch, PlaneFit, distance_pull, fit_plane
@@ -111,7 +112,8 @@ def observe_capture(
 
     Scans of a vehicle that has rolled are carried to where it was in the others. A capture is scans
     of single wheels, whose names say which, or one scan of the whole vehicle. Where all scans
-    together contradict the stated thickness of a target, they are measured again without it.
+    together contradict the stated thickness of a target, they are measured again without it. What
+    all of them show of the dimensions of their plates counts for each.
     """
     several = fit is fit_target
     found, naming = _observed(capture, config, fit, progress, several)
@@ -120,7 +122,7 @@ def observe_capture(
         free = without_thickness(capture, wrong)
         again, naming = _observed(free, config, fit, progress, several)
         found = [as_contradicted(one, wrong) for one in again]
-    return carried(found, capture.source), naming
+    return carried(with_alike_edges(found), capture.source), naming
 
 
 def _observed(

@@ -6,24 +6,27 @@ from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .observe import (
     Fit,
-    as_contradicted,
     broken,
-    contradicted_thickness,
     find_searched,
     meshed,
     noisy,
-    not_as_large,
     not_as_registered,
-    not_as_thick,
     not_printed,
     observe_entries,
     rounded,
     shaded,
     spaced,
     thinned,
-    without_thickness,
 )
 from .observe_vehicle import kinds_of, observe_cloud, observe_rolled
+from .plates import (
+    as_contradicted,
+    contradicted_thickness,
+    not_as_large,
+    not_as_thick,
+    with_alike_edges,
+    without_thickness,
+)
 from .quantities import (
     CROSS,
     UNITS,
@@ -163,6 +166,7 @@ __all__ = [
     "turned_quantity",
     "vertical_tilts",
     "weighted_sum",
+    "with_alike_edges",
     "without_thickness",
     "workshop_angles",
 ]

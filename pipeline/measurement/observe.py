@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from ..capture import Capture, Hint, ScanEntry, Searched, searched
-from ..centre import SIZE_M, EdgeFit
 from ..cloud import cloud_sample, over_items
 from ..config import Config, InstrumentConfig
 from ..diagnostics import check_poses, check_wheel_scan, lone_points
@@ -20,7 +18,6 @@ from ..vectors import Array
 from ..wheel import find_patch
 from .records import Evidence, Observation
 
-PULLED, CONTRADICTED = 5.0, 5.0  # standard deviations of one scan, and of all together
 NOISY = 1.5  # times the stated range noise
 CHOSEN = (
     "{name}: {choice}; the match of its outline is {match} ({least} needed where nobody chooses)."
@@ -72,20 +69,6 @@ SHADED = (
     "ones, across its plane, by {sizes}. This is fitted with the plane and removed; a target of "
     "one brightness avoids it."
 )
-THICKNESS = (
-    "By its mixed pixels, the target's edge is {seen} mm thick, its file says {stated} mm: "
-    "{names}. The centre is by the former; correct the thickness in the target's file, or omit it."
-)
-SIZES = {
-    "larger": (
-        "By their edges, the targets of {names} are larger all round than their file says, by "
-        "{size} mm: check its sizes. The centres may be off by as much."
-    ),
-    "smaller": (
-        "By their edges, the targets of {names} are smaller all round than their file says, by "
-        "{size} mm: check its sizes. The centres may be off by as much."
-    ),
-}
 STATIONS = (
     "The targets of {names} were seen by several stations, merged into one cloud, that disagree "
     "there, by up to {sizes}. The results are means of the stations, and what they "
@@ -376,97 +359,6 @@ def not_printed(observations: Sequence[Observation]) -> Iterator[str]:
             names.setdefault(missed, []).append(observation.name)
     for reason, scans in names.items():
         yield Wording(NOT_PRINTED[reason], names=", ".join(scans))
-
-
-Stated = Sequence[tuple[Target, Target]]  # a target without the thickness that it states, and it
-
-
-def contradicted_thickness(observations: Sequence[Observation]) -> Stated:
-    """Return targets whose stated thickness all scans together contradict.
-
-    Of each scan the pull of its mixed pixels on the thickness, at most PULLED of its standard
-    deviations, so that one false fit is not enough: their sum is one over the root of their number.
-    """
-    found = []
-    for target, edges in _edges_by_target(observations):
-        pulls = [edge.thickness_pull for _, edge in edges if edge.thickness_pull is not None]
-        held = [max(-PULLED, min(pull, PULLED)) for pull in pulls]
-        if abs(sum(held)) > CONTRADICTED * math.sqrt(len(held)):
-            found.append((target.model_copy(update={"thickness": None}), target))
-    return found
-
-
-def without_thickness(capture: Capture, wrong: Stated) -> Capture:
-    """Return a capture whose targets of a wrong thickness state none."""
-
-    def free(target: Target) -> Target:
-        return next((plain for plain, stated in wrong if stated == target), target)
-
-    targets = {name: free(target) for name, target in capture.targets.items()}
-    return replace(capture, target=free(capture.target), targets=targets)
-
-
-def as_contradicted(one: Observation, wrong: Stated) -> Observation:
-    """Return an observation without a stated thickness as one in which it was contradicted."""
-    stated = next((stated for plain, stated in wrong if plain == one.target), None)
-    if stated is None or one.evidence is None:
-        return one
-    fitted = one.evidence.target
-    edge = fitted.edge_fit
-    if edge is not None and not edge.is_clean:
-        edge = replace(edge, stated_thickness_m=getattr(stated, "thickness", None))
-    evidence = replace(one.evidence, target=replace(fitted, edge_fit=edge))
-    return replace(one, target=stated, evidence=evidence)
-
-
-def _edges_by_target(
-    observations: Sequence[Observation],
-) -> list[tuple[Target, list[tuple[str, EdgeFit]]]]:
-    """Return the edges with mixed pixels, with the names of their scans, of each unlike target."""
-    found: list[tuple[Target, list[tuple[str, EdgeFit]]]] = []
-    for one in observations:
-        edge = one.evidence.target.edge_fit if one.evidence else None
-        if edge is None or edge.is_clean or one.target is None:
-            continue
-        same = next((edges for target, edges in found if target == one.target), None)
-        if same is None:
-            found.append((one.target, [(one.name, edge)]))
-        else:
-            same.append((one.name, edge))
-    return found
-
-
-def not_as_thick(observations: Sequence[Observation]) -> Iterator[str]:
-    """Yield a note on targets whose edges contradict the stated thickness, one for each of these.
-
-    With the median of the scans' thicknesses.
-    """
-    scans: dict[float, list[tuple[str, float]]] = {}
-    for observation in observations:
-        edge = observation.evidence.target.edge_fit if observation.evidence else None
-        if edge is not None and edge.stated_thickness_m is not None:
-            found = scans.setdefault(edge.stated_thickness_m, [])
-            found.append((observation.name, edge.thickness_m))
-    for stated_m, found in scans.items():
-        seen_m = statistics.median(thickness_m for _, thickness_m in found)
-        names = ", ".join(name for name, _ in found)
-        seen, stated = f"{seen_m * 1e3:.1f}", f"{stated_m * 1e3:.3g}"
-        yield Wording(THICKNESS, seen=seen, stated=stated, names=names)
-
-
-def not_as_large(observations: Sequence[Observation]) -> Iterator[str]:
-    """Yield a note on targets that are all larger, or smaller, than stated, with the median.
-
-    Of each edge its growth over the deviation of sizes from those stated; together, their sum over
-    the root of their number.
-    """
-    for _, edges in _edges_by_target(observations):
-        growth_m = [edge.growth_m for _, edge in edges]
-        if abs(sum(growth_m)) > CONTRADICTED * SIZE_M * math.sqrt(len(edges)):
-            median_m = statistics.median(growth_m)
-            side = "larger" if median_m > 0.0 else "smaller"
-            names = ", ".join(name for name, _ in edges)
-            yield Wording(SIZES[side], names=names, size=f"{abs(median_m) * 1e3:.1f}")
 
 
 def notes_on_lone_points(points_m: Array, name: str) -> tuple[str, ...]:

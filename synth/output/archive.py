@@ -50,12 +50,14 @@ def write_capture(
     trials: int = 2,
     machine: Path | None = None,
     targets: Mapping[str, Path] | None = None,
+    made: Mapping[str, Path] | None = None,
     progress: Callable[[str], None] = _silent,
 ) -> Truth:
     """Write the folder `out`, all of it or nothing, and return its truth.
 
     vehicle, scanner, target: parameter files; targets: those of single wheels, where others are
-    bare; machine: that of a machine under test, whose item file and readings are written too.
+    bare; made: those of plates on single wheels as they were made, of which `target` states the
+    drawing; machine: that of a machine under test, whose item file and readings are written too.
     `progress` is called with the name of each file when it is written. The same arguments give the
     same bytes; the draws of a scan do not depend on the number of trials that follow. Raises
     SynthError.
@@ -69,7 +71,7 @@ def write_capture(
     vehicle_rng, instruments_rng, survey_rng, *scan_rngs = (
         np.random.default_rng(child) for child in seeds
     )
-    instruments = draw_instruments(vehicle, scanner, target, instruments_rng, targets)
+    instruments = draw_instruments(vehicle, scanner, target, instruments_rng, targets, made)
     car = draw_vehicle(instruments.vehicle_recipe, vehicle_rng)
     with new_folder(out) as folder:
         return _fill(folder, seed, car, instruments, survey_rng, scan_rngs, progress, tested)
@@ -170,7 +172,8 @@ def _write_scan(
     position_m = stand.position_vehicle_m
     obstacles = [draw_board(kit.target, wheel.to_target(position_m), hidden, rng)] if hidden else []
     if bare is None:
-        scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles, kit.surfaces)
+        plate = kit.plate(wheel.wheel)
+        scene = build_scene(car, wheel, plate, position_m, mount, obstacles, kit.surfaces)
     else:
         scene = bare_scene(car, wheel, bare, position_m, obstacles=obstacles, clamped=clamped)
     R_site_vehicle = car.T_site_vehicle[:3, :3]

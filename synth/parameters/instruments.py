@@ -33,6 +33,7 @@ class Instruments:
     """Parameter files, targets, scanner and total station of one capture.
 
     clamped: targets of single wheels, where the others are bare; all wheels then have real shape.
+    made: plates on single wheels as they were made, of which `target` states the drawing.
     """
 
     vehicle_recipe: Recipe
@@ -46,6 +47,11 @@ class Instruments:
     calibration: Calibration
     registration: Registration
     clamped: Mapping[str, TargetFile] = field(default_factory=dict)
+    made: Mapping[str, TargetFile] = field(default_factory=dict)
+
+    def plate(self, wheel: str) -> TargetFile:
+        """Return the target on a wheel as it was made."""
+        return self.made.get(wheel, self.target)
 
     def stated(self) -> dict[str, Any]:
         """Return what files state that may be left out, ready for JSON."""
@@ -61,8 +67,9 @@ def draw_instruments(
     target: Path,
     rng: np.random.Generator,
     targets: Mapping[str, Path] | None = None,
+    made: Mapping[str, Path] | None = None,
 ) -> Instruments:
-    """Read the parameter files and draw the instruments; targets: of single wheels.
+    """Read the parameter files and draw the instruments; targets, made: of single wheels.
 
     Raises SynthError.
     """
@@ -81,6 +88,7 @@ def draw_instruments(
         scanner_recipe.draw("calibration", Calibration, rng),
         scanner_recipe.draw("registration", Registration, rng),
         clamped,
+        {wheel: read_target(path) for wheel, path in (made or {}).items()},
     )
 
 

@@ -27,7 +27,7 @@ from tests.bench.physics import (
     RETURNS,
     Case,
     Values,
-    made_target,
+    made_targets,
     scanner_file,
 )
 from wheelplane.centre import locate_centre
@@ -83,7 +83,7 @@ def rows(seed: int, base: str, values: Values, target_name: str) -> Iterator[Row
             seed=seed,
             vehicle=config_file("vehicles", "saloon"),
             scanner=scanner_file(Path(scratch), values, base),
-            target=made_target(Path(scratch), target_name, Case(), seed),
+            target=made_targets(Path(scratch), target_name, Case(), seed)["RR"],
             trials=0,
         )
         truth = json.loads((folder / "truth.json").read_text())

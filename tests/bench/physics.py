@@ -23,7 +23,16 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.made import SIZE_M, THICKNESS, as_toml, draw_edge
+from tests.support.made import (
+    OF_EDGE,
+    OF_SIZE,
+    OF_THICKNESS,
+    SIZE_M,
+    THICKNESS,
+    as_toml,
+    draw_edge,
+    parted,
+)
 from tests.support.scenes import Array
 from tests.support.thinned import least_distance
 from wheelplane.capture.open_capture import open_capture
@@ -34,6 +43,7 @@ from wheelplane.measurement import Measurement
 from wheelplane.targets.registry import load_target
 from wheelplane.uncertainty import coverage_factor
 from wheelplane_synth.output.archive import write_capture
+from wheelplane_synth.parameters.instruments import WHEELS
 
 ARCSEC = np.degrees(1.0) * 3600.0
 END = b"end_header\n"  # of a PLY file's header
@@ -105,7 +115,7 @@ class Case:
     """One kind of physics: a scanner's file, and the values that replace its own.
 
     flatness_m, chamfer_m: of the target; a chamfer of None is drawn for each vehicle, see
-    `made_target`. merged: each wheel is scanned from two stations, in one file. step_m: to which
+    `made_targets`. merged: each wheel is scanned from two stations, in one file. step_m: to which
     coordinates are rounded. spaced_m: to which distance points are thinned. dim: without their
     intensities.
     """
@@ -229,24 +239,30 @@ def stated_target(folder: Path, target: str, case: Case) -> Path:
     return _target_file(folder / "stated.toml", tomllib.loads(_shipped(target)) | own)
 
 
-def made_target(folder: Path, target: str, case: Case, seed: int) -> Path:
-    """Write the file of a target as it was made: its sizes are the stated ones to SIZE_M.
+def made_targets(folder: Path, target: str, case: Case, seed: int) -> dict[str, Path]:
+    """Write the files of the four plates of one drawing as they were made: their sizes to SIZE_M.
 
-    Its edges have the chamfer of the case, or are drawn: half of them have a chamfer, half are
+    Their edges have the chamfer of the case, or are drawn: half of the sets have chamfers, half are
     rounded; those of squares are sharp.
     """
-    plate = tomllib.loads(_shipped(target))
     rng = np.random.default_rng(seed)
-    for key in ("diameter", "side", "width", "height"):
-        if key in plate and plate["shape"] != "pattern":
-            plate[key] += 2.0 * SIZE_M * float(np.clip(rng.standard_normal(), -2.0, 2.0))
-    plate["thickness"] *= 1.0 + THICKNESS * float(np.clip(rng.standard_normal(), -2.0, 2.0))
-    if case.chamfer_m is not None:
-        plate["chamfer"] = case.chamfer_m
-    elif plate["shape"] != "square":
-        size_m, is_round = draw_edge(rng)
-        plate["edge_radius" if is_round else "chamfer"] = size_m
-    return _target_file(folder / "target.toml", plate | {"flatness": case.flatness_m or None})
+    drawing, files = tomllib.loads(_shipped(target)), {}
+    sizes, thicknesses = (parted(rng, of, len(WHEELS)) for of in (OF_SIZE, OF_THICKNESS))
+    edge_m, is_round = draw_edge(rng)
+    edges = edge_m * np.clip(1.0 + OF_EDGE * rng.standard_normal(len(WHEELS)), 0.0, None)
+    for wheel, by_size, by_thickness, own_m in zip(WHEELS, sizes, thicknesses, edges, strict=True):
+        plate = dict(drawing)
+        for key in ("diameter", "side", "width", "height"):
+            if key in plate and plate["shape"] != "pattern":
+                plate[key] += 2.0 * SIZE_M * float(by_size)
+        plate["thickness"] *= 1.0 + THICKNESS * float(by_thickness)
+        if case.chamfer_m is not None:
+            plate["chamfer"] = case.chamfer_m
+        elif plate["shape"] != "square":
+            plate["edge_radius" if is_round else "chamfer"] = float(own_m)
+        plate["flatness"] = case.flatness_m or None
+        files[wheel] = _target_file(folder / f"target-{wheel}.toml", plate)
+    return files
 
 
 def _shipped(target: str) -> str:
@@ -265,13 +281,13 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
             Path(scratch) / "capture",
             scanner_file(Path(scratch), case.values | _window(case, target), case.base),
         )
-        face = made_target(Path(scratch), target, case, seed)
-        _capture(folder, seed, file, face)
+        plates = made_targets(Path(scratch), target, case, seed)
+        _capture(folder, seed, file, plates)
         if case.merged:
             place: Values = {"station.incidence_deg": [25.0, 40.0], "grid.spacing_m": 0.0023}
             place |= _window(case, target)
             other = scanner_file(Path(scratch), case.values | place, case.base)
-            _capture(Path(scratch) / "other", seed, other, face)
+            _capture(Path(scratch) / "other", seed, other, plates)
             for scan in folder.glob("*.ply"):
                 _append(scan, Path(scratch) / "other" / scan.name)
         if case.step_m > 0.0:
@@ -300,9 +316,16 @@ def _window(case: Case, target: str) -> Values:
     return {key: max(case.values[key], least_m)} if key in case.values else {}
 
 
-def _capture(folder: Path, seed: int, scanner: Path, target: Path) -> None:
-    vehicle = config_file("vehicles", "saloon")
-    write_capture(folder, seed=seed, vehicle=vehicle, scanner=scanner, target=target, trials=0)
+def _capture(folder: Path, seed: int, scanner: Path, plates: dict[str, Path]) -> None:
+    write_capture(
+        folder,
+        seed=seed,
+        vehicle=config_file("vehicles", "saloon"),
+        scanner=scanner,
+        target=plates[WHEELS[0]],
+        made=plates,
+        trials=0,
+    )
 
 
 def _points(scan: Path) -> Array:

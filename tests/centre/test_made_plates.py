@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.bench.physics import CASES, SEEDS, made_target, scanner_file
+from tests.bench.physics import CASES, SEEDS, made_targets, scanner_file
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config, config_file
 from wheelplane.measure import measure_capture
@@ -30,7 +30,7 @@ def squares(folder, case, seed, names, target="disc-250"):
         seed=seed,
         vehicle=config_file("vehicles", "saloon"),
         scanner=scanner_file(folder, CASES[case].values),
-        target=made_target(folder, target, CASES[case], seed),
+        target=made_targets(folder, target, CASES[case], seed)["RR"],
         trials=0,
     )
     truth = json.loads((folder / "capture/truth.json").read_text())["wheels"]

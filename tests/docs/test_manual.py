@@ -398,10 +398,11 @@ NOTES = {
     "observe_vehicle.py": ("_of_others",),
     "records.py": ("notes",),
     "observe.py": (
-        "noisy", "not_as_large", "not_as_registered", "not_as_thick", "not_printed",
+        "noisy", "not_as_registered", "not_printed",
         "note_on_hint", "rounded", "thinned", "spaced", "shaded", "broken", "meshed",
         "notes_on_copies",
     ),
+    "plates.py": ("not_as_large", "not_as_thick"),
     "plane.py": ("_coarse",),
     "file.py": ("_note_if_upside_down", "_note_of_sense"),
     "five_point.py": ("note_of_aiming",),

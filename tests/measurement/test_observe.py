@@ -15,7 +15,8 @@ from wheelplane.centre import TargetFit
 from wheelplane.config import Config, InstrumentConfig
 from wheelplane.errors import InputError, NotMeasuredError
 from wheelplane.measure import fit_target
-from wheelplane.measurement.observe import NOISY, noisy, not_as_thick, not_printed, observe_entries
+from wheelplane.measurement.observe import NOISY, noisy, not_printed, observe_entries
+from wheelplane.measurement.plates import not_as_thick
 from wheelplane.measurement.records import Evidence
 from wheelplane.targets.plates import DiscTarget
 

@@ -24,12 +24,20 @@ RADIUS_M = 0.125
 # Of a plate as made: standard deviations of a radius or half a side, and of the thickness,
 # relative; width of the chamfer, or radius of the edge, that deburring leaves, from 0 to it.
 SIZE_M, THICKNESS, MOST_CHAMFER_M, MOST_EDGE_RADIUS_M = 0.0001, 0.03, 0.0005, 0.0007
+# Parts of these by which plates of one drawing differ from each other; of their edges, too.
+OF_SIZE, OF_THICKNESS, OF_EDGE = 0.7, 0.3, 0.2
 
 
 def draw_edge(rng: np.random.Generator) -> tuple[float, bool]:
     """Width of a chamfer or radius of an edge that a shop leaves, and whether it is the latter."""
     share, is_round = float(rng.uniform()), bool(rng.uniform() < 0.5)
     return share * (MOST_EDGE_RADIUS_M if is_round else MOST_CHAMFER_M), is_round
+
+
+def parted(rng: np.random.Generator, share: float, count: int) -> np.ndarray:
+    """Unit deviations of plates, to two, of which a share is their own and the rest of all."""
+    common, own = (np.clip(rng.standard_normal(n), -2.0, 2.0) for n in (1, count))
+    return np.sqrt(1.0 - share**2) * common + share * own
 
 
 def changed(path: Path, folder: Path, values: dict[str, object]) -> Path:

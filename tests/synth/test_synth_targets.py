@@ -314,6 +314,21 @@ def test_a_disc_tells_nothing_more_than_before(tmp_path):
     ]  # fmt: skip
 
 
+def test_a_plate_as_made_is_scanned_on_its_wheel_alone_and_none_is_stated(tmp_path):
+    coarse = changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.005, "grid.half_width_m": 0.2})
+    larger = changed(DISC, tmp_path, {"diameter": 0.27})
+    files = {"seed": 2, "vehicle": SALOON, "scanner": coarse, "target": DISC, "trials": 0}
+    plain = write_capture(tmp_path / "plain", **files)
+    truth = write_capture(tmp_path / "made", made={"FL": larger}, **files)
+    for used, other in zip(truth.used["scans"], plain.used["scans"], strict=True):
+        scans = [(tmp_path / folder / used["file"]).read_bytes() for folder in ("plain", "made")]
+        assert (scans[0] == scans[1]) == ("fl" not in used["file"])
+        grown = used["points_on_target"] / other["points_on_target"]
+        assert grown == pytest.approx(1.08**2 if "fl" in used["file"] else 1.0, abs=0.04)
+    declared = [(tmp_path / folder / "capture.toml").read_text() for folder in ("plain", "made")]
+    assert declared[0] == declared[1]
+
+
 @pytest.mark.parametrize(
     "name",
     [
