@@ -37,6 +37,7 @@ from wheelplane.centre.edge.edge_residuals import (
     spread,
 )
 from wheelplane.centre.edge.mixed_fit import (
+    BY_ZONES,
     DIFFERENT,
     LOOKS,
     MOST_ROUGH,
@@ -545,6 +546,23 @@ def test_sectors_that_contradict_their_background_are_left_out(
         np.testing.assert_array_equal(other, uneven)
     assert problem.left_out.any() == (taken != "first")
     assert len(left_out) == {"first": 1, "again": 2 + (moved_m > MOVED_M), "anew": 3}[taken]
+
+
+@pytest.mark.parametrize(
+    ("zones", "more", "worse"),
+    [
+        ((Zones.alike(), Zones.alike()), 0.9 * BY_CHANCE, False),
+        ((Zones.alike(), Zones.alike()), 1.1 * BY_CHANCE, True),
+        ((Zones.free(), Zones.alike()), 1.1 * BY_CHANCE, True),
+        ((Zones.alike(), Zones.free()), 0.9 * BY_ZONES, False),
+        ((Zones.alike(), Zones.free()), 1.1 * BY_ZONES, True),
+    ],
+)
+def test_what_zones_explain_by_chance_makes_no_solution_without_them_worse(zones, more, worse):
+    """A power of light once gave way to one that was 0.7 off, with 48 zones."""
+    found, other = (replace(ended((0.1,) * 200), zones=one) for one in zones)
+    found.equations.residual_m[:] = math.sqrt(more / 20.0)
+    assert mixed_fit._is_worse(found, other) == worse
 
 
 @pytest.mark.parametrize("found", ["again", "other"])
