@@ -55,7 +55,6 @@ from .measurement import (
     shaded,
     spaced,
     thinned,
-    with_alike_edges,
     without_thickness,
 )
 from .plane import Patch, PlaneFit, distance_pull, fit_plane
@@ -112,8 +111,7 @@ def observe_capture(
 
     Scans of a vehicle that has rolled are carried to where it was in the others. A capture is scans
     of single wheels, whose names say which, or one scan of the whole vehicle. Where all scans
-    together contradict the stated thickness of a target, they are measured again without it. What
-    all of them show of the dimensions of their plates counts for each.
+    together contradict the stated thickness of a target, they are measured again without it.
     """
     several = fit is fit_target
     found, naming = _observed(capture, config, fit, progress, several)
@@ -122,7 +120,7 @@ def observe_capture(
         free = without_thickness(capture, wrong)
         again, naming = _observed(free, config, fit, progress, several)
         found = [as_contradicted(one, wrong) for one in again]
-    return carried(with_alike_edges(found), capture.source), naming
+    return carried(found, capture.source), naming
 
 
 def _observed(

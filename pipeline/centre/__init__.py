@@ -2,7 +2,6 @@
 
 from .combine import CentreMethod
 from .edge.beams import SIZE_M
-from .edge.dimensions import Dimensions, alike
 from .edge.solution import EdgeFit
 from .edge_centre import rough_pose
 from .in_plane_rotation import InPlaneRotation, RotationMark
@@ -19,14 +18,12 @@ __all__ = [
     "MOST_M",
     "SIZE_M",
     "CentreMethod",
-    "Dimensions",
     "EdgeFit",
     "InPlaneRotation",
     "OtherCentre",
     "RotationMark",
     "TargetFit",
     "TargetView",
-    "alike",
     "clear_of_occluders",
     "fit_edge_points",
     "joined",

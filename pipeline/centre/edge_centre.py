@@ -85,7 +85,7 @@ SPARSE_M, HIDDEN = 0.006, 0.9
 STRANGE_SIZE, WRONG_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 4.0, 0.6, 0.1
 # Share of a side without a background, from which it may lie elsewhere; up to which another size
 # shows all sides, and of the edge that it shows more; by how much half a width may be wrong.
-LOST_SIDE, FOUND_SIDE, MORE_COVERED = 0.5, 0.25, 0.05
+LOST_SIDE, FOUND_SIDE, MORE_COVERED = 0.3, 0.25, 0.05
 OTHER_HALF_M = (-1.5e-3, 1.5e-3, -3e-3, 3e-3)
 SIZE_BY_SPOT = 0.07  # of the footprint: u of a growth by what profile and brightness leave out
 SIZE_BY_SHIFT = 0.2  # of the shift of a clean edge: u of a growth by how a scanner chooses returns

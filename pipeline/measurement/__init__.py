@@ -24,7 +24,6 @@ from .plates import (
     contradicted_thickness,
     not_as_large,
     not_as_thick,
-    with_alike_edges,
     without_thickness,
 )
 from .quantities import (
@@ -166,7 +165,6 @@ __all__ = [
     "turned_quantity",
     "vertical_tilts",
     "weighted_sum",
-    "with_alike_edges",
     "without_thickness",
     "workshop_angles",
 ]

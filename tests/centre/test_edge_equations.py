@@ -136,7 +136,7 @@ def test_a_step_keeps_the_scanner_before_the_plane(pull):
     state[INVERSE], prior.mean[INVERSE] = 0.001, 0.002
     beyond = linear.residual_m + pull * linear.slopes[:, INVERSE]
     linear = replace(linear, residual_m=beyond, zones=Zones.alike())
-    moved, _ = step(linear, state, prior)
+    moved, _ = step(linear, state, prior, ahead=True)
     held = np.arange(STATES) == INVERSE
     expected = moved[INVERSE] if pull == 0.0 else -0.001
     assert moved[INVERSE] == pytest.approx(expected, rel=1e-9)

@@ -24,7 +24,6 @@ from wheelplane.centre.edge.beams import (
     Prior,
 )
 from wheelplane.centre.edge.mixed_fit import CONTRADICTED_THICKNESS, TENSE, THICKNESS_MODEL
-from wheelplane.centre.edge.solution import CONVERGED_M
 from wheelplane.config import CentreConfig
 
 CONFIG, THICK_M = CentreConfig(), 0.01
@@ -200,58 +199,6 @@ def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, l
     plain = found.centre_m is FITTED.centre_m and found.by_thickness_m is None
     assert plain == (taken == "stated")
     assert (found.by_thickness_m is not None) == (taken == "in doubt")
-
-
-@pytest.mark.parametrize(
-    ("of_other", "of_again", "last_m", "covered", "taken"),
-    [
-        (0.0, 0.0, 0.0, 9, True),
-        (10.9, 10.9, 0.0, 9, True),
-        (11.1, 0.0, 0.0, 9, False),  # by chance
-        (0.0, 11.1, 0.0, 9, False),
-        (0.0, 0.0, 2.0 * CONVERGED_M, 9, False),
-        (0.0, 0.0, 0.0, 2, False),
-    ],
-)
-def test_the_stated_thickness_is_sought_from_another_one_that_explains_more(
-    monkeypatch, of_other, of_again, last_m, covered, taken
-):
-    """A footprint of 1.0 mm for 1.5 mm once stayed, as what led it there was left out too late."""
-    found, other, again = (ended() for _ in range(3))
-    for one, square in ((found, 20.0), (other, of_other), (again, of_again)):
-        one.equations.weight[:2] = 0.2  # below that of outliers
-        one.equations.residual_m[:2] = math.sqrt(square / 0.4)
-    again.background.usable[covered:] = False
-    again, there = replace(again, last_m=last_m), problem_of()
-    starts = []
-    monkeypatch.setattr(mixed_fit, "_again", lambda *args: starts.append(args) or again)
-    monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
-    better = mixed_fit._from_other(found, there, other, CONFIG)
-    assert (better == (there, again)) if taken else (better is None)
-    assert starts == ([] if of_other > 11.0 else [(there, other, CONFIG.max_iterations)])
-
-
-@pytest.mark.parametrize("again_tense", [False, True])
-def test_a_better_solution_of_the_stated_thickness_takes_the_place_of_the_first(
-    monkeypatch, again_tense
-):
-    state, better = state_of(), replace(FITTED, centre_m=np.array([-3e-4, 0.0]))
-    state[BEAM] = 0.0, 0.3
-    solutions = [ended(state=state) for _ in range(3)]
-    fits = dict(zip(map(id, solutions), (FITTED, free(THICK_M), better), strict=True))
-    first = iter(solutions[:2])
-    monkeypatch.setattr(mixed_fit, "_best", lambda problem, *args: (problem, next(first)))
-    monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
-    monkeypatch.setattr(mixed_fit, "pointing_m", lambda problem, *_: problem.pointing_m)
-    monkeypatch.setattr(mixed_fit, "record", lambda found, *args: fits[id(found)])
-    monkeypatch.setattr(
-        mixed_fit, "_from_other", lambda found, there, other, config: (there, solutions[2])
-    )
-    tense = {id(FITTED.centre_m): 2.2, id(better.centre_m): 2.2 if again_tense else 1.8}
-    monkeypatch.setattr(mixed_fit, "_tension", lambda fit, prior: tense[id(fit.centre_m)])
-    found = mixed_fit.fit_mixed(problem_of(), state, THICK_M, CONFIG)
-    assert found.centre_m is better.centre_m
-    assert (found.by_thickness_m is not None) == again_tense
 
 
 @pytest.mark.parametrize(

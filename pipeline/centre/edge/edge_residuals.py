@@ -38,7 +38,7 @@ from .mixed_pixel import EdgeProfile, edge_profile, rounded
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
 # Standard uncertainty of x by beam pointing and scan grid, at most, and at least. Number of those
 # tried, and how often; share of the variance, and points, from which it shows; outliers' square.
-POINTING_M, LEAST_POINTING_M = 1.5e-4, 5e-5
+POINTING_M, LEAST_POINTING_M = 1.5e-4, 7e-5
 POINTINGS, POINTED_TIMES, POINTED, LEAST_POINTED, OUTLYING = 12, 3, 0.5, 100, 16.0
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
@@ -403,12 +403,13 @@ def pointing_m(problem: EdgeProblem, background: Background, state: Array, zones
 
 
 def step(
-    linear: Equations, state: Array, prior: Prior, newton: bool = False
+    linear: Equations, state: Array, prior: Prior, newton: bool = False, ahead: bool = False
 ) -> tuple[Array, Zones]:
     """Return one robust Gauss-Newton step (14,) of limited length, and the zones after it.
 
     The zones' ratios are eliminated (Schur complement). newton: near a solution, with the
-    derivative of the estimating equations instead of the information.
+    derivative of the estimating equations instead of the information. ahead: the scanner stays
+    before the plane; a step beyond ends at parallel beams, where all else goes with these.
     """
     linear = linear.shown
     own, cross = linear.by_zone(linear.weight)
@@ -424,7 +425,7 @@ def step(
     inverse = _inverse(change, information)
     found = inverse @ gradient
     behind = float(state[INVERSE] + found[INVERSE])
-    if behind < 0.0:  # the scanner is before the plane
+    if ahead and behind < 0.0:
         found -= behind / inverse[INVERSE, INVERSE] * inverse[INVERSE]
     found *= min(1.0, float((LIMIT / np.maximum(np.abs(found), 1e-12)).min()))
     log = linear.zones.log + np.clip((pull - found @ cross) / own, -0.5, 0.5)

@@ -127,10 +127,13 @@ def fit_mixed(
     fitted = _recorded(found, problem)
     if fitted is None:
         return None
+    stretched = as_stretched(fitted, found, problem)
     if thickness_m is None:
-        return as_stretched(fitted, found, problem)
-    fitted, stretched = _pulled(fitted, found, problem)
-    if not problem.few and _is_explained(fitted, stretched, problem.prior):
+        return stretched
+    pull = _pulls(fitted, problem.prior)[EDGE.index(THICKNESS)]
+    fitted, stretched = (replace(one, thickness_pull=pull) for one in (fitted, stretched))
+    tension = _tension(fitted, problem.prior)
+    if not problem.few and (tension < TENSE or _is_wider(stretched, problem.prior)):
         return stretched
     doubted = replace(plain, prior=plain.prior.doubted())
     if problem.few:
@@ -140,13 +143,6 @@ def fit_mixed(
         if _reaches_background(other):
             doubted = replace(problem, prior=problem.prior.doubted())
             other = _again(doubted, found, most)
-        there = replace(plain, left_out=doubted.left_out)
-        if better := _from_other(found, there, other, config):
-            problem, found = better
-            fitted, stretched = _pulled(record(found, problem, found.covered), found, problem)
-            if _is_explained(fitted, stretched, problem.prior):
-                return stretched
-    tension = _tension(fitted, problem.prior)
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
         return stretched
@@ -154,33 +150,6 @@ def fit_mixed(
     if chosen.by_thickness_m is None:
         return chosen
     return replace(stretched, by_thickness_m=chosen.by_thickness_m)
-
-
-def _from_other(
-    found: Solution, there: EdgeProblem, other: Solution, config: CentreConfig
-) -> tuple[EdgeProblem, Solution] | None:
-    """Return a problem with its solution from that with another thickness, if it explains more.
-
-    That may have left what led the first one, `found`, astray. there: the problem with the stated
-    thickness, as for the other solution.
-    """
-    if not explains_less(found, other):
-        return None
-    there, again = _freed(there, _again(there, other, config.max_iterations), config)
-    likely = again.last_m < CONVERGED_M and again.covered > LEAST_COVERED
-    return (there, again) if likely and explains_less(found, again) else None
-
-
-def _pulled(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> tuple[EdgeFit, EdgeFit]:
-    """Return the fit of a solution with the pull at its thickness, and with the width unknown."""
-    pull = _pulls(fitted, problem.prior)[EDGE.index(THICKNESS)]
-    stretched = as_stretched(fitted, found, problem)
-    return replace(fitted, thickness_pull=pull), replace(stretched, thickness_pull=pull)
-
-
-def _is_explained(fitted: EdgeFit, stretched: EdgeFit, prior: Prior) -> bool:
-    """Return whether nothing pulls at the stated thickness, or a width that may be so does."""
-    return _tension(fitted, prior) < TENSE or _is_wider(stretched, prior)
 
 
 def _is_wider(fitted: EdgeFit, prior: Prior) -> bool:
@@ -583,7 +552,7 @@ def _converge(
             background = problem.compared(background, state)
         robust = (consistent or iteration > 6) and not problem.few
         linear = equations(problem, background, state, zones, robust, consistent)
-        moved, zones = step(linear, state, problem.prior, newton=robust)
+        moved, zones = step(linear, state, problem.prior, newton=robust, ahead=True)
         if consistent and float(moved[CENTRE] @ before) < 0.0:
             length = max(length * SHORTER, SHORTEST)
         before = moved[CENTRE]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,7 +28,6 @@ from .beams import (
     Background,
     Prior,
 )
-from .dimensions import Dimensions, square_above
 from .edge_residuals import (
     SECTORS,
     EdgeProblem,
@@ -49,6 +49,7 @@ MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
 SOME_POINTS = 600  # of those compared, that show how a round moves an edge
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
+FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
@@ -131,7 +132,6 @@ class EdgeFit:
     stretch_m: float = 0.0
     stretch_u_m: float = 0.0
     lost: tuple[float, float] = (0.0, 0.0)
-    dimensions: Dimensions | None = None
 
     @property
     def is_clean(self) -> bool:
@@ -247,11 +247,8 @@ def _estimates(
 ) -> dict[str, Any]:
     """Return the fields of a fit that follow from its state (14,), or (15,) with the stretch."""
     covariance, by_plane, dof = spread(linear, problem.outline, prior, problem.few)
-    dimensions = None
     held: dict[int, Array] = {}
-    for which in (MODULATION, CHAMFER):
-        if which == CHAMFER and not problem.few:
-            dimensions = Dimensions.of(state, covariance, by_plane, prior)
+    for which in (CHAMFER, MODULATION):
         if state[which] < 0.0:
             way = along(linear, prior, which)
             for other, before in held.items():
@@ -287,7 +284,6 @@ def _estimates(
         "rotation_noise": covariance[ROTATION, [0, 1, ROTATION]],
         "rotation_by_plane": by_plane[ROTATION],
         "thickness_u": float(u[THICKNESS]),
-        "dimensions": dimensions,
     }
     if len(state) > STRETCH:
         known |= {"stretch_m": float(state[STRETCH]), "stretch_u_m": float(u[STRETCH])}
@@ -304,10 +300,17 @@ def _without(
     the variance. A value that lies k u below 0 contradicts its u, which is k^2 times as large then,
     up to the variance `most`.
     """
-    left = square_above(float(state[which]), float(covariance[which, which]), most)
+    variance = float(covariance[which, which])
+    wider = max(variance, min(float(state[which]) ** 4 / variance, most))
+    below = -state[which] / math.sqrt(wider)
+    if below < FAR_BELOW:
+        tail = math.sqrt(math.pi / 2.0) * math.erfc(below / math.sqrt(2.0))
+        left = 1.0 + below**2 - below * math.exp(-0.5 * below**2) / tail
+    else:
+        left = 2.0 / below**2
     held = np.eye(len(state))
     held[:, which] -= way
-    covariance = held @ covariance @ held.T + left * np.outer(way, way)
+    covariance = held @ covariance @ held.T + left * wider * np.outer(way, way)
     return held @ state, covariance, held @ by_plane
 
 
