@@ -131,7 +131,7 @@ class EdgeProblem:
         """Return a background with the points that are compared with it at a state.
 
         They do not change with the state while a fit converges: one that came or went, or fell into
-        another sector, would move its solution.
+        another sector, would move its solution. Few points do: a fit may begin far off.
         """
         beams = self.beams(state)
         outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])

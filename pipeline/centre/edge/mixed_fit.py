@@ -548,7 +548,7 @@ def _converge(
     for iteration in range(1, most + 1):
         if not consistent and iteration in LOOKS:
             background = problem.background(state)
-        elif far:
+        elif far or problem.few:
             background = problem.compared(background, state)
         robust = (consistent or iteration > 6) and not problem.few
         linear = equations(problem, background, state, zones, robust, consistent)
