@@ -60,10 +60,11 @@ NONE_UNEVEN = np.zeros(UNEVEN_SECTORS, bool)
 
 def put_in(monkeypatch, moves):
     """Steps of the centre along u in their order, the last again and again; what was called."""
-    called = SimpleNamespace(flags=[], looks=[], newton=[], compared=[])
+    called = SimpleNamespace(flags=[], looks=[], newton=[], ahead=[], compared=[])
 
-    def move(linear, state, prior, newton=False):
+    def move(linear, state, prior, newton=False, ahead=None):
         called.newton.append(newton)
+        called.ahead.append(ahead)
         moved = np.zeros(STATE)
         moved[0] = moves[min(len(called.flags), len(moves)) - 1]
         return moved, Zones.alike()
@@ -116,6 +117,8 @@ def test_a_consistent_fit_ends_with_its_first_small_step(monkeypatch, few):
     assert found.iterations == 4
     assert all(flags == (not few, True) for flags in called.flags)
     assert called.newton == [not few] * 4
+    assert called.ahead == [True] * 4
+    assert called.compared == ([1, 2, 3, 4] if few else [])  # few points follow the edge
     sought = state_of()[0] + 1.11e-4 + 0.5 * STEP_M
     assert found.state[0] == pytest.approx(sought, abs=1e-12)
 
