@@ -39,6 +39,7 @@ from wheelplane.centre.edge.edge_residuals import (
 from wheelplane.centre.edge.mixed_fit import (
     BY_ZONES,
     DIFFERENT,
+    LEAST,
     LOOKS,
     MOST_ROUGH,
     MOST_UNEVEN,
@@ -549,6 +550,16 @@ def test_sectors_that_contradict_their_background_are_left_out(
         np.testing.assert_array_equal(other, uneven)
     assert problem.left_out.any() == (taken != "first")
     assert len(left_out) == {"first": 1, "again": 2 + (moved_m > MOVED_M), "anew": 3}[taken]
+
+
+@pytest.mark.parametrize("points", [0, LEAST - 1])
+def test_an_edge_that_hardly_any_point_compares_with_a_background_stays_sharp(points):
+    """Of a board before the target a few points once ended with a division by zero."""
+    behind = SimpleNamespace(rows=np.zeros(points, int))
+    problem, found = problem_of(), Solution(state_of(), Zones.alike(), behind, None, 5, 0.0)
+    same, kept = mixed_fit._freed(problem, found, CONFIG)
+    assert same is problem
+    assert kept is found
 
 
 @pytest.mark.parametrize(

@@ -329,7 +329,7 @@ def _freed(
     where they do not explain such a size.
     """
     most = config.max_iterations
-    if problem.few or plain.last_m > CONVERGED_M:
+    if problem.few or plain.last_m > CONVERGED_M or len(plain.background.rows) < LEAST:
         return problem, plain
     if float(np.hypot(*plain.state[BEAM])) > STEEP:
         return problem, _as_if_sharp(problem, plain)

@@ -225,7 +225,7 @@ def by_round(found: Solution, problem: EdgeProblem) -> Array:
         )
         for roundness in (0.0, 1.0)
     )
-    each = len(found.background.rows) / len(some.rows)
+    each = len(found.background.rows) / max(len(some.rows), 1)
     cut = replace(cut, weight=each * cut.weight, change=each * cut.change)
     return moved(cut, round_.residual_m - cut.residual_m, problem.prior)[CENTRE] / CHAMFER_M
 
