@@ -301,7 +301,7 @@ def _lit(
 
 
 def _is_worse(found: Solution, other: Solution) -> bool:
-    """Return whether a solution explains less than another, and than the zones of that may do."""
+    """Return whether another solution explains more, and more than its zones do by chance."""
     chance = BY_ZONES if found.zones.sigma < other.zones.sigma else BY_CHANCE
     return explains_less(found, other, by_chance=chance)
 
