@@ -119,7 +119,7 @@ def test_a_consistent_fit_ends_with_its_first_small_step(monkeypatch, few):
     assert all(flags == (not few, True) for flags in called.flags)
     assert called.newton == [not few] * 4
     assert called.ahead == [True] * 4
-    assert called.compared == ([1, 2, 3, 4] if few else [])  # few points follow the edge
+    assert called.compared == ([2, 3, 4] if few else [])  # few points follow the edge
     sought = state_of()[0] + 1.11e-4 + 0.5 * STEP_M
     assert found.state[0] == pytest.approx(sought, abs=1e-12)
 
@@ -554,7 +554,7 @@ def test_sectors_that_contradict_their_background_are_left_out(
 
 @pytest.mark.parametrize("points", [0, LEAST - 1])
 def test_an_edge_that_hardly_any_point_compares_with_a_background_stays_sharp(points):
-    """Of a board before the target a few points once ended with a division by zero."""
+    """A few points of a partly hidden disc once ended with a division by zero."""
     behind = SimpleNamespace(rows=np.zeros(points, int))
     problem, found = problem_of(), Solution(state_of(), Zones.alike(), behind, None, 5, 0.0)
     same, kept = mixed_fit._freed(problem, found, CONFIG)

@@ -222,7 +222,7 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, S
         again = _again(problem, again, most)
     less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
     if again.zones.sigma > found.zones.sigma:
-        as_much = explains_less(found, again, by_chance=BY_ZONES)
+        as_much = _is_worse(found, again)
     else:
         as_much = unexplained(again) < AS_MUCH * unexplained(found)
     likely = as_much and (less or explains_less(found, again))
@@ -544,11 +544,11 @@ def _converge(
         background = problem.background(state)
     else:
         ends_m = NEAR_STEP_M
-    length, before, far = 1.0, np.zeros(2), False
+    length, before, follows = 1.0, np.zeros(2), False
     for iteration in range(1, most + 1):
         if not consistent and iteration in LOOKS:
             background = problem.background(state)
-        elif far or problem.few:
+        elif follows:
             background = problem.compared(background, state)
         robust = (consistent or iteration > 6) and not problem.few
         linear = equations(problem, background, state, zones, robust, consistent)
@@ -556,7 +556,7 @@ def _converge(
         if consistent and float(moved[CENTRE] @ before) < 0.0:
             length = max(length * SHORTER, SHORTEST)
         before = moved[CENTRE]
-        far = abs(float(moved[GROWTH])) > FAR_M
+        follows = problem.few or abs(float(moved[GROWTH])) > FAR_M
         state = state + length * moved
         last_m = float(np.abs(moved[CENTRE]).max())
         near = last_m < ends_m and abs(moved[MODULATION]) < NEAR_MODULATION
