@@ -330,7 +330,7 @@ def _check_sides(
     fit: returns the fit of another outline.
     """
     axis = int(np.argmax(edge_fit.lost))
-    if edge_fit.lost[axis] < LOST_SIDE:
+    if edge_fit.lost[axis] < LOST_SIDE or min(edge_fit.lost) > FOUND_SIDE:
         return
     for by_m in OTHER_HALF_M:
         other = fit(outline.resized(np.where(np.arange(2) == axis, by_m, 0.0)))

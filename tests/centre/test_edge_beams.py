@@ -444,20 +444,24 @@ def test_each_place_in_a_state_is_of_one_quantity():
     assert places == list(range(STATE))
 
 
+@pytest.mark.parametrize("far_m", [0.2, 12.0, 30.0])
 @pytest.mark.parametrize("continuous", [True, False])
-def test_points_as_deep_as_a_surface_beyond_the_edge_are_not_mixed_pixels(continuous):
-    """Half of the background is at half of the other's depth; mixed pixels lie at any."""
+def test_points_as_deep_as_a_surface_beyond_the_edge_are_not_mixed_pixels(continuous, far_m):
+    """Half of the background is at half of the other's depth; mixed pixels lie at any.
+
+    All beyond 5 m counted as of one surface: an edge before a hall was taken for a clean one.
+    """
     rng = np.random.default_rng(4)
     state = Prior.of(0.01, CONFIG).mean
     state[BEAM], state[INVERSE] = 0.0, 0.0
     radius = 0.125 + rng.uniform(-0.02, 0.02, 60_000)
     angle = rng.uniform(0.0, 2.0 * np.pi, 60_000)
     plane = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    far = np.where(rng.random(60_000) < 0.3, 0.1, 0.2) + 2e-4 * rng.normal(size=60_000)
+    far = far_m * np.where(rng.random(60_000) < 0.3, 0.5, 1.0) + 2e-4 * rng.normal(size=60_000)
     beyond = radius - 0.125
     depth = np.where(beyond < 0.0, 0.0, far)
     if continuous:
-        depth = 0.2 * np.clip(0.5 + beyond / 0.002, 0.0, 1.0)
+        depth = far_m * np.clip(0.5 + beyond / 0.002, 0.0, 1.0)
     beams = carry(plane, depth, state, Circle(0.125))
     background = look_up(beams, depth, state)
     every = mixed_share(beams, depth, background)

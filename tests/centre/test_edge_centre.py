@@ -24,7 +24,9 @@ from wheelplane.centre.edge.beams import INVERSE, SIZE_M
 from wheelplane.centre.edge.fit_edge import fit_edge, square_on
 from wheelplane.centre.edge_centre import (
     DOUBTFUL,
+    FOUND_SIDE,
     OFF_INVERSE,
+    OTHER_HALF_M,
     OTHER_PLATE,
     OUTLINE_EDGE_M,
     ROWS,
@@ -37,6 +39,7 @@ from wheelplane.config import CentreConfig, Config, PlaneConfig
 from wheelplane.errors import NotMeasuredError
 from wheelplane.measure import measure_capture
 from wheelplane.plane.fit_plane import fit_plane
+from wheelplane.targets.outline import rectangle
 from wheelplane.targets.registry import load_target
 from wheelplane.vectors import turned
 from wheelplane_synth.output.archive import write_capture
@@ -410,6 +413,14 @@ def test_a_hole_square_to_the_beams_is_no_thinner_than_the_rim(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("lost", [(1.0, 1.0), (1.0, 0.26), (1.0, 0.24)])
+def test_another_width_is_tried_where_the_sides_of_the_height_have_a_background(lost):
+    """No width shows more of a plate all of whose sides lack one; each took four fits more."""
+    tried, some = [], types.SimpleNamespace(lost=lost, covered=0.5)
+    edge_centre._check_sides(some, rectangle(0.36, 0.24), lambda other: tried.append(other))
+    assert len(tried) == (len(OTHER_HALF_M) if min(lost) <= FOUND_SIDE else 0)
+
+
 @pytest.mark.parametrize(
     "growth_m",
     [-0.001, -0.0005, 0.0005, 0.001]

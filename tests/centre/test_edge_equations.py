@@ -10,9 +10,11 @@ import pytest
 from scipy import integrate, optimize, stats
 from scipy.linalg import block_diag, sqrtm
 
-from wheelplane.centre.edge.beams import INVERSE, RATIO, STATE, Prior
+from wheelplane.centre.edge.beams import GROWTH, INVERSE, RATIO, SIZE_M, STATE, Background, Prior
 from wheelplane.centre.edge.edge_residuals import (
+    ALIKE_LOG,
     CHANCE,
+    GAMMA_SIGMA,
     LEAST_CHANGE,
     LEAST_SHOWN,
     LEAST_UNEVEN,
@@ -26,9 +28,12 @@ from wheelplane.centre.edge.edge_residuals import (
     EdgeProblem,
     Equations,
     Zones,
+    _variance,
+    power_of_light,
     robust_weight,
     spread,
     step,
+    stretched,
     zone_scatter,
 )
 from wheelplane.config import CentreConfig
@@ -245,7 +250,8 @@ def test_few_quiet_points_are_no_better_than_their_stated_noise():
         slopes, known = dense(quiet, prior)
         data = (slopes.T * quiet.weight) @ slopes
         covariance, _, dof = spread(quiet, outline, prior, few=True)
-        scale = dof / max(dof - 2.0, 1.0)
+        free = max(dof, 3.0)  # fewer have no variance
+        scale = free / (free - 2.0)
         inverse = np.linalg.inv(data + np.diag(known))
         expected = inverse @ (np.diag(known) + scale * data) @ inverse
         np.testing.assert_allclose(covariance, expected[:STATES, :STATES], rtol=1e-7, atol=1e-12)
@@ -408,3 +414,64 @@ def test_the_prior_of_a_problem_looks_from_its_station():
 def test_a_zone_lies_within_one_sector():
     """So that the sum of squares by sectors holds each zone's reflectance once."""
     assert ZONES % SECTORS == 0
+
+
+def test_without_a_point_zones_do_not_differ():
+    """As where nothing behind an edge seen from a known station can be used; it ended in 0 / 0."""
+    linear, prior, _ = drawn()
+    nothing = {"weight": np.zeros(POINTS), "change": np.zeros(POINTS)}
+    assert zone_scatter(replace(linear, **nothing), prior) == 0.0
+
+
+def test_fewer_sectors_are_never_surer():
+    """Down to one: below 3 degrees of freedom, u of few points fell with them, to a sixth."""
+    linear, _, _ = drawn()
+    found = [_variance(linear, dof) for dof in (14.0, 6.0, 3.0, 2.67, 2.0, 1.33, 0.5)]
+    assert np.all(np.diff(found) >= 0.0)
+    assert found[2] > 2.0 * found[0]
+
+
+@pytest.mark.parametrize("scatter", [0.5, ALIKE_LOG])
+def test_a_width_s_score_is_that_of_all_unknowns_at_once(scatter):
+    """With the zones' reflectances among them, which had no prior in it: 2 to 5 um of u 16."""
+    plate, (linear, prior, state) = rectangle(0.3, 0.2), drawn(scatter=scatter, size=0.01)
+    prior.weight[GROWTH], prior.mean[GROWTH], state[GROWTH] = SIZE_M**-2, 0.0, 2e-5
+    by_zones = linear.zones.weight * linear.zones.log.sum()  # as much as their sum, the ratio
+    prior.mean[RATIO] = state[RATIO] - by_zones / prior.weight[RATIO]
+    linear = replace(linear, change=linear.weight)
+    slopes, known = dense(linear, prior)
+    here = np.append(state - prior.mean, linear.zones.log)
+    solved = np.linalg.lstsq(  # residuals that make this the solution
+        slopes.T * linear.weight,
+        known * here - slopes.T @ (linear.weight * linear.residual_m),
+        rcond=None,
+    )
+    linear = replace(linear, residual_m=linear.residual_m + solved[0])
+    way = plate.stretch(linear.share) * linear.slopes[:, GROWTH]
+    slopes = np.column_stack([slopes, way])
+    known = np.append(known, 2.0 / SIZE_M**2)
+    known[GROWTH] = 2.0 / SIZE_M**2
+    gradient = slopes.T @ (linear.weight * linear.residual_m) - known * np.append(here, 0.0)
+    whole = np.linalg.solve((slopes.T * linear.weight) @ slopes + np.diag(known), gradient)
+    _, _, shown = stretched(linear, plate, prior, state)
+    np.testing.assert_allclose(shown[-1], whole[-1], rtol=1e-6)
+    np.testing.assert_allclose(shown[:-1], state + whole[:STATES], atol=1e-9)
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.7])
+def test_the_power_of_light_is_that_of_all_unknowns_at_once(gamma):
+    """From any state: with the power's score alone, far from a solution, 1 seemed 3."""
+    linear, prior, state = drawn(seed=4, size=0.01)
+    linear = replace(linear, change=linear.weight)
+    light = 0.5 * np.random.default_rng(4).normal(size=12)
+    none = np.zeros(12)
+    background = Background(none, none, none, none, np.ones(12, bool), light)
+    lighter = light[np.floor(linear.share * 12).astype(int)]
+    slopes, known = dense(linear, prior)
+    slopes = np.column_stack([slopes, lighter * linear.slopes[:, RATIO]])
+    known, here = np.append(known, GAMMA_SIGMA**-2), np.append(state - prior.mean, linear.zones.log)
+    gradient = slopes.T @ (linear.weight * linear.residual_m) - known * np.append(here, gamma)
+    whole = np.linalg.solve((slopes.T * linear.weight) @ slopes + np.diag(known), gradient)
+    assert abs(whole[:STATES]).max() > 1e-4  # not at a solution
+    found, _ = power_of_light(linear, background, prior, state, gamma)
+    assert found == pytest.approx(gamma + whole[-1], rel=1e-9)

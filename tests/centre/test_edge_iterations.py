@@ -36,6 +36,7 @@ from wheelplane.centre.edge.edge_residuals import (
     equations,
     spread,
 )
+from wheelplane.centre.edge.fit_edge import aimed, fit_edge
 from wheelplane.centre.edge.mixed_fit import (
     BY_ZONES,
     DIFFERENT,
@@ -54,6 +55,7 @@ from wheelplane.centre.edge.mixed_fit import (
 )
 from wheelplane.centre.edge.solution import AS_MUCH, BY_CHANCE, STEP_M, Solution
 from wheelplane.config import CentreConfig
+from wheelplane.vectors import turned
 
 CONFIG, BEHIND_M = CentreConfig(), 0.1
 NONE_UNEVEN = np.zeros(UNEVEN_SECTORS, bool)
@@ -335,12 +337,27 @@ def test_the_size_shown_is_that_of_the_likelier_solution(monkeypatch, chance, co
     monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
     monkeypatch.setattr(clean_fit, "_chance", lambda *args: chance)
     monkeypatch.setattr(clean_fit, "record", lambda found, *args: records[id(found)])
+    monkeypatch.setattr(clean_fit, "settled", lambda fitted, found: fitted)
     fit = clean_fit.fit_clean(problem_of(), state_of(), CONFIG)
     shown = records[id(other if converged and chance > 0.5 else found)]
     assert (fit.growth_m, fit.growth_u_m) == (shown.growth_m, shown.growth_u_m)
     assert fit.size_chance == chance
     np.testing.assert_array_equal(fit.centre_m, RECORD.centre_m)
     np.testing.assert_allclose(fit.by_size_m, [3e-5, -4e-5])
+
+
+def test_a_settled_clean_edge_has_the_width_in_its_uncertainty(monkeypatch):
+    """Where its last step is small against its u, if not against a solution's end."""
+    of_size = []
+    monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
+    monkeypatch.setattr(clean_fit, "_by_size", lambda *args: (ended(), ended()))
+    monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
+    monkeypatch.setattr(clean_fit, "_chance", lambda *args: 0.0)
+    monkeypatch.setattr(clean_fit, "record", lambda *args: replace(RECORD, converged=False))
+    monkeypatch.setattr(clean_fit, "settled", lambda one, found: replace(one, converged=True))
+    monkeypatch.setattr(clean_fit, "as_stretched", lambda one, *args: of_size.append(one) or one)
+    assert clean_fit.fit_clean(problem_of(), state_of(), CONFIG).converged
+    assert [one.converged for one in of_size] == [True]
 
 
 @pytest.mark.parametrize(
@@ -408,7 +425,7 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
     monkeypatch.setattr(mixed_fit, "zone_scatter", lambda *args: scatter)
     monkeypatch.setattr(mixed_fit, "CLEARLY", 10 if many else 10**6)
     mixed_fit._by_backgrounds(problem_of(few), state, 40)
-    first = ZONE_LOG if steep else ALIKE_LOG
+    first = ZONE_LOG if steep and not few else ALIKE_LOG
     expected = [(first, False), (first, True)]
     if not steep and not few and scatter > DIFFERENT:
         expected[1 if many and scatter > SURELY else 2 :] = [(ZONE_LOG, False), (ZONE_LOG, True)]
@@ -506,7 +523,7 @@ def test_a_few_sectors_that_ask_for_another_size_are_left_out(monkeypatch, askin
     monkeypatch.setattr(mixed_fit, "_again", refitted)
     problem, ended = mixed_fit._where_stated(problem_of(), stated, found, 40)
     assert ended is {"again": again, "found": found}[taken]
-    assert (problem.left_out is not None) == (taken == "again")
+    assert problem.left_out.any() == (taken == "again")
 
 
 @pytest.mark.parametrize(
@@ -701,3 +718,17 @@ def test_what_one_solution_alone_compares_with_a_background_counts_for_neither()
     apart = of(range(200, 250), [1.9] * 50)  # nothing in common
     assert not solution.explains_less(apart, poor)
     assert not solution.explains_less(poor, apart)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_edge_with_next_to_no_background_is_none(seed):
+    """Seen from a known station, with a hundredth of its background: two of three divided by 0."""
+    state, rng = state_of(), np.random.default_rng(seed)
+    q = rng.uniform(-1.0, 1.0, (8000, 2)) * (1.7 * DISC.size_m)
+    x_m = DISC.closest(turned(q, -state[ROTATION])).x_m
+    depth = 0.3 * np.clip(0.5 + x_m / 0.003, 0.0, 1.0) + SIGMA_M * rng.normal(size=len(x_m))
+    plane = state[CENTRE] + q * (1.0 + state[INVERSE] * depth)[:, None]
+    uvw = np.column_stack([plane + depth[:, None] * state[BEAM], -depth])
+    uvw = uvw[(x_m < 0.002) | (rng.random(len(x_m)) < 0.01)]
+    begin = aimed(uvw, DISC, 0.012, CONFIG, (state[CENTRE], 0.0), np.array([-0.7, 0.4, 1.8]))
+    assert fit_edge(uvw, DISC, 0.012, SIGMA_M, CONFIG, begin) is None

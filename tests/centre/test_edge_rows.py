@@ -161,7 +161,8 @@ def test_rows_of_mixed_pixels_are_those_of_their_formulas(outline, converged):
     state, rng = state_of(), np.random.default_rng(2)
     problem = scene(outline, state, 4000)
     all_round = problem.background(state).usable
-    problem = replace(problem, left_out=np.arange(UNEVEN_SECTORS) % 7 == 0)
+    left_out = np.arange(UNEVEN_SECTORS) % 7 == 0
+    problem = replace(problem, left_out=left_out)
     background, zones = problem.background(state), Zones(rng.normal(size=ZONES), 0.5)
     usable = background.usable
     assert 0 < np.count_nonzero(usable) < np.count_nonzero(all_round)
@@ -171,6 +172,9 @@ def test_rows_of_mixed_pixels_are_those_of_their_formulas(outline, converged):
     tau, thickness = np.maximum(beams.tau, 0.0), float(np.exp(state[THICKNESS]))
     kept = (beams.x_m > -INNER_M) & (beams.x_m < OUTER_M + thickness * tau) & beams.clear
     kept &= (z > -5.0 * SIGMA_M - 1e-4) & usable[part]
+    of_left_out = left_out[np.floor(beams.share * UNEVEN_SECTORS).astype(int)]
+    assert np.any(kept & of_left_out)  # of wider sectors
+    kept &= ~of_left_out
     assert len(linear.residual_m) == linear.depths == np.count_nonzero(kept)
     spot = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
     log = zones.log[np.floor(beams.share * ZONES).astype(int)]

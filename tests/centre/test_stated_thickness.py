@@ -219,12 +219,14 @@ def test_a_wall_as_deep_as_what_lies_beyond_it_is_none(monkeypatch, wall, neares
     monkeypatch.setattr(mixed_fit, "_best", lambda problem, *args: (problem, next(remaining)))
     monkeypatch.setattr(mixed_fit, "_again", lambda *args: starts.append(args) or solutions[0])
     monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
+    shares = []
+    monkeypatch.setattr(mixed_fit, "_as_if_sharp", lambda _, one: shares.append(one) or one)
     monkeypatch.setattr(mixed_fit, "pointing_m", lambda problem, *_: problem.pointing_m)
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 2.2)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
     problem = problem_of()
     mixed_fit.fit_mixed(problem, stated, THICK_M, CONFIG)
-    assert len(starts) == again
+    assert len(starts) == len(shares) == again  # with what its unstated chamfer may move
     for doubted, solution, _ in starts:
         np.testing.assert_array_equal(doubted.prior.weight, problem.prior.doubted().weight)
         assert solution is solutions[0]

@@ -172,10 +172,11 @@ def _on_surface(beams: Beams, depth: Array, chosen: Mask) -> Mask:
 
     (M,) of the chosen ones; the others lie where no footprint meets the target.
     """
-    part = sector(beams.share, TWELFTHS) * DEEPEST_M  # twelfths, each deeper than the one before
     beyond = (beams.x_m > SURFACE_M[0]) & (beams.x_m < SURFACE_M[1]) & (depth > MIN_DEPTH_M)
-    surface = np.sort(part[beyond] + np.minimum(depth[beyond], DEEPEST_M / 2.0))
-    here = part[chosen] + np.minimum(depth[chosen], DEEPEST_M / 2.0)
+    deepest_m = float(np.max(depth[beyond | chosen], initial=DEEPEST_M))
+    part = 2.0 * deepest_m * sector(beams.share, TWELFTHS)  # each deeper than the one before
+    surface = np.sort(part[beyond] + depth[beyond])
+    here = part[chosen] + depth[chosen]
     around = np.searchsorted(surface, [here - SAME_DEPTH_M, here + SAME_DEPTH_M])
     return np.asarray(around[1] - around[0] >= LEAST_SAME)
 

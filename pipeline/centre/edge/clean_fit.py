@@ -93,9 +93,11 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
     covered = _covered(found.equations)
     if covered < 0.25:
         return None
-    sized = record(found, problem, covered)
+    sized, grown = (
+        settled(record(one, of, covered), one) for one, of in ((found, problem), (other, loose))
+    )
     fitted = as_stretched(sized, found, problem)
-    chance, grown = _chance(loose.prior, found, other), record(other, loose, covered)
+    chance = _chance(loose.prior, found, other)
     shown = grown if grown.converged and chance > 0.5 else sized
     likely = other if chance > 0.5 else found
     unlike_m = min(by_backgrounds_m(likely.equations), MOST_UNLIKE * abs(shift_m(likely.state)))

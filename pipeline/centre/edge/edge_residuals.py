@@ -53,6 +53,7 @@ LEAST_LEFT = 0.05  # of a sector's share of the information, taken from 1
 # others over their standard uncertainties, from which they do; points that show it.
 UNEVEN_SECTORS, UNEVEN_SHARE, UNEVEN_MEAN, LEAST_UNEVEN = 90, 0.2, 0.6, 8
 FEW = 120  # points in the band of the edge: fewer count as few
+LEAST_DOF = 3.0  # of their scatter, of which a variance is finite
 MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
 SCATTERS, NODES = np.geomspace(1.0, 20.0, 200), 40  # of Gaussian residuals of few points
 GAMMA_SIGMA = 3.0  # of the power of intensities by which backgrounds are bright (k = 1)
@@ -68,7 +69,7 @@ class EdgeProblem:
     NaN where unknown, or None: of points on the target, and of all. gamma: power of the light with
     which the background's reflectance goes. roundness: of the target's edge, 0 of a chamfer, 1 of a
     radius, see `rounded`. pointing_m: standard uncertainty of where beams meet the plane. left_out:
-    (UNEVEN_SECTORS,) sectors of the outline that are not used; None: such were not looked for.
+    (UNEVEN_SECTORS,) sectors of the outline that are not used.
     """
 
     plane: Array
@@ -83,7 +84,7 @@ class EdgeProblem:
     gamma: float = 0.0
     roundness: float = 0.0
     pointing_m: float = POINTING_M
-    left_out: Mask | None = None
+    left_out: Mask = field(default_factory=lambda: np.zeros(UNEVEN_SECTORS, bool))
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -118,20 +119,19 @@ class EdgeProblem:
     def background(self, state: Array) -> Background:
         """Return the background by sector at a state, and the points that are compared with it.
 
-        Of sectors that are not left out.
+        Its sectors may be wider than those that are left out: one is not used whose middle is.
         """
         found = look_up(self.beams(state), self.depth, state, self.light)
-        if self.left_out is not None:
-            middle = (np.arange(len(found.usable)) + 0.5) / len(found.usable)
-            left_out = self.left_out[sector(middle, UNEVEN_SECTORS)]
-            found = replace(found, usable=found.usable & ~left_out)
-        return self.compared(found, state)
+        middle = (np.arange(len(found.usable)) + 0.5) / len(found.usable)
+        left_out = self.left_out[sector(middle, UNEVEN_SECTORS)]
+        return self.compared(replace(found, usable=found.usable & ~left_out), state)
 
     def compared(self, background: Background, state: Array) -> Background:
         """Return a background with the points that are compared with it at a state.
 
-        They do not change with the state while a fit converges: one that came or went, or fell into
-        another sector, would move its solution. Few points do: a fit may begin far off.
+        Of sectors that are not left out. They do not change with the state while a fit converges:
+        one that came or went, or fell into another sector, would move its solution. Few points do,
+        and those of an edge whose size changes much: a fit may begin far off.
         """
         beams = self.beams(state)
         outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
@@ -139,6 +139,7 @@ class EdgeProblem:
         part = background.sector(beams)
         near = band & (self.depth > -5.0 * self.sigma_m - 1e-4)
         rows = np.flatnonzero(near & background.usable[part])
+        rows = rows[~self.left_out[sector(beams.share[rows], UNEVEN_SECTORS)]]
         return replace(background, rows=rows, part=part[rows])
 
     def beams(self, state: Array) -> Beams:
@@ -439,8 +440,11 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
     standard deviations of that; without what all share, which is the reflectance ratio. The method
     of moments for random effects: with the information A of K zones,
     E(pull' A^-1 pull) = K s^2 + sigma^2 tr A.
-    Source: DerSimonian and Laird, Controlled Clinical Trials 7 (1986) 177.
+    0 without a point. Source: DerSimonian and Laird, Controlled Clinical Trials 7 (1986) 177.
     """
+    used = float(np.count_nonzero(linear.weight))
+    if used == 0.0:
+        return 0.0
     weighted = linear.slopes.T * linear.weight
     own, cross = linear.by_zone(linear.weight)
     pull = linear.zone_sum(weighted[RATIO] * linear.residual_m)
@@ -453,7 +457,6 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
     left, axes = np.linalg.eigh(own_seen / np.outer(scale, scale))
     kept = left > RANK
     explained = np.sum((axes.T @ (pull[seen] / scale))[kept] ** 2 / left[kept])
-    used = float(np.count_nonzero(linear.weight))
     variance = float(np.sum(linear.weight * linear.residual_m**2)) / used
     count = np.count_nonzero(kept)
     beyond = float(explained) - (count + CHANCE * np.sqrt(2.0 * count)) * variance
@@ -526,26 +529,33 @@ def stretched(
     left, _, _, inverse = _normal_equations(linear, prior)
     score = np.zeros(len(prior.weight))
     score[GROWTH] = -more * state[GROWTH]
-    score[-1] = left[:, -1] @ (linear.weight * linear.residual_m)
+    score[-1] = _scores(linear, left)[-1]
     return linear, prior, np.append(state, 0.0) + inverse @ score
 
 
 def power_of_light(
-    linear: Equations, background: Background, prior: Prior, gamma: float
+    linear: Equations, background: Background, prior: Prior, state: Array, gamma: float
 ) -> tuple[float, float]:
     """Return gamma after one step of it as one more parameter, and its standard uncertainty.
 
-    By the scatter of the sectors, as of `spread`. linear: at a solution with that gamma, before a
-    background whose light is known.
+    By the scatter of the sectors, as of `spread`. linear: at a state (14,) with that gamma, before
+    a background whose light is known.
     """
     linear, known = linear.shown, GAMMA_SIGMA**-2
     lighter = background.lighter(sector(linear.share, len(background.usable)))
     linear, prior = _with_one_more(linear, prior, lighter * linear.slopes[:, RATIO], known)
     left, before, information, inverse = _normal_equations(linear, prior)
-    score = left[:, -1] @ (linear.weight * linear.residual_m) - known * gamma
+    score = _scores(linear, left) - prior.weight * (np.append(state, gamma) - prior.mean)
     squares = before + _squares(linear, left, sector(linear.share, SECTORS), information)
     variance = float(inverse[-1] @ squares @ inverse[-1])
-    return gamma + float(inverse[-1, -1] * score), float(np.sqrt(variance))
+    return gamma + float(inverse[-1] @ score), float(np.sqrt(variance))
+
+
+def _scores(linear: Equations, slopes: Array) -> Array:
+    """Return the scores (14,) of the rows, with slopes (N, 14) without the zones' ratios."""
+    own, cross = linear.by_zone(linear.weight)
+    by_zones = cross / own @ (linear.zones.log * linear.zones.weight)
+    return np.asarray(slopes.T @ (linear.weight * linear.residual_m) + by_zones)
 
 
 def _with_one_more(
@@ -562,8 +572,10 @@ def _variance(linear: Equations, dof: float) -> float:
 
     Mixed pixels: that of Gaussian residuals of the same loss, as outliers hardly count in squares
     that Cauchy's function weighs. Of 40 targets of 300 points, those with a loss above 0.5 were off
-    by 2.5 to 8.6 times the variance without it.
+    by 2.5 to 8.6 times the variance without it. That of t is infinite up to 2 degrees of freedom:
+    fewer than 3 count as so many.
     """
+    dof = max(dof, LEAST_DOF)
     if linear.depths == len(linear.residual_m):
         places, chances = np.polynomial.hermite_e.hermegauss(NODES)
         losses = 2.0 * np.log1p(SCATTERS[:, None] ** 2 * places**2 / 4.0) @ chances
@@ -571,7 +583,7 @@ def _variance(linear: Equations, dof: float) -> float:
     else:
         used = max(float(np.count_nonzero(linear.weight)) - linear.slopes.shape[1], 1.0)
         square = float(np.sum(linear.weight * linear.residual_m**2)) / used
-    return float(max(square, 1.0) * dof / max(dof - 2.0, 1.0))
+    return float(max(square, 1.0) * dof / (dof - 2.0))
 
 
 def _squares(

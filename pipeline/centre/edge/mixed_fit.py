@@ -90,9 +90,10 @@ LOW_CHAMFER_M = 5e-5  # by which a fitted chamfer is too narrow, with a wall as 
 BY_CHAMFER = 0.58  # of what a chamfer would move that may be a wrong width: any part of it
 LEAST_SHARP_M = -3e-5  # that a sharp edge may seem to have
 BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
-# Power of the background's light: over its u, from which on it is sought; of its search, the number
-# of steps, the one that ends it, and the one from which on solutions are sought anew.
-SURE_OF_GAMMA, MOST_GAMMAS, NEAR_GAMMA, FAR_GAMMA = 3.0, 3, 0.05, 0.25
+# Power of the background's light: over its u, from which on it is sought, and where zones differ;
+# of its search, the number of steps, the one that ends it, and the one from which on solutions are
+# sought anew.
+SURE_OF_GAMMA, PERHAPS_GAMMA, MOST_GAMMAS, NEAR_GAMMA, FAR_GAMMA = 3.0, 1.0, 3, 0.05, 0.25
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
 # square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
@@ -142,13 +143,13 @@ def fit_mixed(
         doubted, other = _freed(*_best(doubted, state, most), config)
         if _reaches_background(other):
             doubted = replace(problem, prior=problem.prior.doubted())
-            other = _again(doubted, found, most)
+            other = _as_if_sharp(doubted, _again(doubted, found, most))
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
         return stretched
     chosen = _by_thickness(fitted, free, thickness_m, worse)
     if chosen.by_thickness_m is None:
-        return chosen
+        return as_stretched(chosen, other, doubted)
     return replace(stretched, by_thickness_m=chosen.by_thickness_m)
 
 
@@ -209,10 +210,7 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, S
     if problem.few:
         solve = partial(_by_backgrounds, problem, most=MOST_OF_FEW)
         return problem, likeliest(problem, state, solve)
-    if problem.left_out is None:
-        problem, found = _cleared(problem, state, most)
-    else:
-        found = _by_backgrounds(problem, state, most)
+    problem, found = _cleared(problem, state, most)
     if abs(found.state[GROWTH]) < NOTICED_GROWTH_M:
         return problem, found
     sized = replace(problem, prior=problem.prior.sized())
@@ -246,8 +244,7 @@ def _where_stated(
     left_out = asks > BY_CHANCE
     if asks[~left_out].sum() > BY_CHANCE:
         return problem, found
-    if problem.left_out is not None:
-        left_out |= problem.left_out
+    left_out |= problem.left_out
     if np.mean(left_out) > MOST_UNEVEN:
         return problem, found
     without = replace(problem, left_out=left_out)
@@ -277,7 +274,8 @@ def _lit(
     if problem.few or problem.light is None or found.last_m > CONVERGED_M:
         return problem, found
     gamma, u = _power_of_light(problem, found)
-    if gamma < SURE_OF_GAMMA * u:
+    least = SURE_OF_GAMMA if found.zones.sigma <= ALIKE_LOG else PERHAPS_GAMMA
+    if gamma < least * u:
         return problem, found
     most = config.max_iterations
     lit, first = _best(replace(plain, gamma=1.0), state, most)
@@ -309,13 +307,14 @@ def _is_worse(found: Solution, other: Solution) -> bool:
 def _power_of_light(problem: EdgeProblem, found: Solution) -> tuple[float, float]:
     """Return by which power of its light the background is bright, if zones are alike, and its u.
 
-    By one step from a solution.
+    By one step from a solution: of Gauss-Newton where zones differ, as it is none of alike ones.
     """
-    linear = found.equations
+    linear, state = found.equations, found.state
     if found.zones.sigma > ALIKE_LOG:
         alike = Zones.alike()
-        linear = equations(problem, found.background, found.state, alike, False, True)
-    return power_of_light(linear, found.background, problem.prior, problem.gamma)
+        linear = equations(problem, found.background, state, alike, False, True)
+        linear = replace(linear, change=linear.weight)
+    return power_of_light(linear, found.background, problem.prior, state, problem.gamma)
 
 
 def _freed(
@@ -332,7 +331,7 @@ def _freed(
     if problem.few or plain.last_m > CONVERGED_M or len(plain.background.rows) < LEAST:
         return problem, plain
     if float(np.hypot(*plain.state[BEAM])) > STEEP:
-        return problem, _as_if_sharp(problem, plain)
+        return problem, _as_if_sharp(problem, _near(problem, plain, most))
     phased = problem
     if problem.prior.is_of_means and config.ambiguity_m is None:
         phased = replace(problem, prior=problem.prior.by_phase())
@@ -425,8 +424,6 @@ def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem
     What lies near an edge there is none of one depth, and pulls beams and footprint. A solution
     that moves without them is sought anew: they may have led it astray.
     """
-    left_out = np.zeros(UNEVEN_SECTORS, bool)
-    problem = replace(problem, left_out=left_out)
     found = _by_backgrounds(problem, state, most)
     if found.zones.sigma > ALIKE_LOG and float(np.hypot(*state[BEAM])) <= STEEP:
         even, alike = _evened(problem, state, most)
@@ -434,7 +431,7 @@ def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem
             return even, alike
     for _ in range(CLEARED):
         uneven = found.equations.uneven()
-        left_out = left_out | uneven
+        left_out = problem.left_out | uneven
         if not uneven.any() or np.mean(left_out) > MOST_UNEVEN:
             break
         problem = replace(problem, left_out=left_out)
@@ -453,15 +450,13 @@ def _evened(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem,
     small explains it. Its neighbours are left out as well, and every solution is sought anew, until
     none contradict it, or too many do.
     """
-    left_out = np.zeros(UNEVEN_SECTORS, bool)
     found = _solved(problem, state, Zones.alike(), most)
     for _ in range(EVENED):
         uneven = found.equations.uneven(SLIGHTLY_UNEVEN)
-        more = left_out | uneven | np.roll(uneven, 1) | np.roll(uneven, -1)
-        if np.array_equal(more, left_out) or np.mean(more) > MOST_UNEVEN:
+        more = problem.left_out | uneven | np.roll(uneven, 1) | np.roll(uneven, -1)
+        if np.array_equal(more, problem.left_out) or np.mean(more) > MOST_UNEVEN:
             break
-        left_out = more
-        problem = replace(problem, left_out=left_out)
+        problem = replace(problem, left_out=more)
         found = _solved(problem, state, Zones.alike(), most)
     return problem, found
 
@@ -472,7 +467,7 @@ def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
     By zones also where beams are steep: there zones keep a rough fit from diverging. At once where
     a first fit shows that they differ; not one of few points, or one that went astray.
     """
-    if float(np.hypot(*state[BEAM])) > STEEP:
+    if float(np.hypot(*state[BEAM])) > STEEP and not problem.few:
         return _solved(problem, state, Zones.free(), most)
     found = _converge(problem, state, Zones.alike(), most, consistent=False)
     clear = len(problem.depth) > CLEARLY and found.last_m < CONVERGED_M
