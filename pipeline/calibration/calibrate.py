@@ -8,6 +8,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..errors import InputError, Wording
+from ..measurement import Measurement
 from .conventions import convention_warnings
 from .evaluate import adjustments, complete_points, evaluate_quantity
 from .forms.fault import Fault
@@ -101,8 +102,18 @@ def _unread(
 
 
 def calibrate_file(references: Sequence[Reference], item_file: ItemFile, path: Path) -> Calibration:
-    """Read the readings at `path` and evaluate them. Raises FaultyTableError, InputError."""
+    """Read the readings at `path` and evaluate them.
+
+    Raises FaultyTableError, and InputError for no table and for a reference that none was read of.
+    """
     readings = read_readings(path, item_file.item, why_not_of(references, item_file))
+    read = {one.series for one in readings.rows}
+    for reference in references:
+        if reference.series is not None and reference.series not in read:
+            raise InputError(
+                f"{path.name}: no reading is of series {reference.series}, whose reference is "
+                f"{reference.source}: add its readings, or leave that reference out"
+            )
     return calibrate(references, item_file, readings)
 
 
@@ -125,9 +136,18 @@ def why_not_of(references: Sequence[Reference], item_file: ItemFile) -> WhyNot:
 
 
 def by_series(references: Sequence[Reference]) -> tuple[Reference, ...]:
-    """Return references in their order as those of series 1, 2, ...; a single one is of all."""
+    """Return references in their order as those of series 1, 2, ...; a single one is of all.
+
+    One measurement where several are of the same files: as captures and as their results.
+    """
     if not references:
         raise InputError("no reference is given: name a capture, or five-point files")
     if len(references) == 1:
         return (Reference(references[0].measurement),)
-    return tuple(Reference(one.measurement, str(k)) for k, one in enumerate(references, 1))
+    first: dict[frozenset[str], Measurement] = {}
+    measured = [
+        first.setdefault(frozenset(inputs), one.measurement) if inputs else one.measurement
+        for one in references
+        for inputs in [one.measurement.provenance.inputs.values()]
+    ]
+    return tuple(Reference(one, str(k)) for k, one in enumerate(measured, 1))

@@ -1,4 +1,4 @@
-"""Centre of a target from one of its outlines: by mixed pixels, or by its outermost points."""
+"""Centre of a target from one of its outlines: by the fit of its edge, or its outermost points."""
 
 from __future__ import annotations
 
@@ -579,7 +579,7 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
         if rest > WORST_APART**2 * by_points:
             raise NotMeasuredError(
                 "wrong-outline",
-                f"the centres by mixed pixels and by the outermost points lie "
+                f"the centres by the edge's fit and by the outermost points lie "
                 f"{math.sqrt(far) * 1e3:.1f} mm apart: check whether the target is "
                 f"{outline.description}",
             )

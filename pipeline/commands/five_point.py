@@ -16,7 +16,7 @@ from ..report.format.view import PAPER, AngleStyle, Convention, DigitStyle, read
 from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report
 from ..report.text.tcgc_2013 import tcgc_2013_text
-from ..report.write import ReportFiles, report_files, write_whole
+from ..report.write import ReportFiles, keep_inputs, report_files, write_whole
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import Axis
 from .options import (
@@ -112,6 +112,7 @@ def five_point(
     Rows of three numbers, separated by commas or blanks, no header. With --tolerance, exits with 1
     unless every quantity that it limits is conforming; undecided is 1 too.
     """
+    keep_inputs((output, html, pdf), [file])
     radius = None if radius is None else radius / 1e3
     view = read_view(axis_of(axis, convention), angles, rim, digits)
     view = replace(view, convention=convention)

@@ -15,6 +15,7 @@ from typing import Any, get_args
 import click
 from click.core import ParameterSource
 
+from ..batch.catalogue import catalogue as index
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
 from ..batch.catalogue.rows import STATUSES
 from ..batch.operation import times
@@ -50,7 +51,7 @@ from ..report.format.report_options import ReportOptions
 from ..report.format.view import AngleStyle, DigitStyle, View
 from ..report.format.writer import Writer
 from ..report.json.text import json_text
-from ..report.write import ReportFiles, document_files, write_whole
+from ..report.write import ReportFiles, document_files, keep_inputs, write_whole
 from .limits import SECONDS, within
 from .options import config_option, digits_option, language_option
 from .progress import Reading
@@ -285,6 +286,7 @@ def results(
         raise InputError(
             "--xlsx -, --parquet -, --html -, --pdf -: only --csv is printed: give a file"
         )
+    keep_inputs(written, [Path(results) / index.FILE])
     reports = {"html": html_file, "pdf": pdf_file}
     options = report_options(load_config(config).report, language, query.view)
     if csv_file == PIPE and (modes or as_json):

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from ..report.format.layout import aligned
-from ..report.write import write_whole
+from ..report.write import keep_inputs, write_whole
 from ..uncertainty import FieldTests, FoundTerm, evaluate_tests
 
 
@@ -35,6 +35,7 @@ def scanner(tests: tuple[Path, ...], output: Path) -> int:
     The errors of its axes are found from targets measured in both faces, those of its range from
     known lengths, by least squares. The file states the root of value and u squared of each.
     """
+    keep_inputs([output], tests)
     found = evaluate_tests(tests)
     click.echo(as_table(found))
     click.echo(f"wrote {write_whole(output, as_toml(found, tests).encode())}")

@@ -1,4 +1,7 @@
-"""Notes on scans that contradict what they are named for, each a doubt in every verdict."""
+"""Notes on scans that contradict what they are named for, each a doubt in every verdict.
+
+Copies among the positions of a sweep or of a run-out are refused.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import Doubt
+from ..errors import Doubt, InputError
 from ..uncertainty import chi_square_beyond
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, Floor, VehicleFrame, fit_floor
@@ -50,6 +53,14 @@ FAR_FROM_WHEEL = (
 FAR_FROM_WHEELS = (
     "Trial {trial} lies {distance} m from {nearest}, its nearest wheel: check its file, and that "
     "it is in the coordinates of the other scans."
+)
+SCAN_FAR_FROM_WHEEL = (
+    "Scan {scan} is named for {name}, {named} m from it, but lies {distance} m from {nearest}: "
+    "check its wheel."
+)
+SCAN_FAR_FROM_WHEELS = (
+    "Scan {scan} lies {distance} m from {nearest}, its nearest wheel: check its file, and that it "
+    "is in the coordinates of the other scans."
 )
 COPIED = (
     "Trial {trial} holds the same points as {name}: it is a copy, which shows nothing of its own: "
@@ -138,22 +149,27 @@ def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[Doubt]:
 
 
 def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> list[Doubt]:
-    """Return a note for every trial at another wheel than it is named for, or at none."""
+    """Return a note for every scan at another wheel than it is named for, or at none.
+
+    On a trial alone, or on the vehicle: a scan of a sweep or a run-out moves wheels and axes.
+    """
     notes: list[Doubt] = []
     for observation in measured[4:]:
         distance_m = np.linalg.norm(centres - observation.fitted.centre_m, axis=1)
         nearest = REFERENCE_WHEELS[int(np.argmin(distance_m))]
+        is_trial = observation.role == "trial"
         known = {
-            "trial": observation.name,
+            "trial" if is_trial else "scan": observation.name,
             "distance": f"{distance_m.min():.3f}",
             "nearest": nearest,
         }
         if observation.wheel in REFERENCE_WHEELS and observation.wheel != nearest:
             named_m = distance_m[REFERENCE_WHEELS.index(observation.wheel)]
             named = {"name": observation.wheel, "named": f"{named_m:.3f}"}
-            notes.append(Doubt(FAR_FROM_WHEEL, **known, **named))
-        elif observation.role == "trial" and distance_m.min() > FAR_M:
-            notes.append(Doubt(FAR_FROM_WHEELS, **known))
+            sentence = FAR_FROM_WHEEL if is_trial else SCAN_FAR_FROM_WHEEL
+            notes.append(Doubt(sentence, **known, **named))
+        elif distance_m.min() > FAR_M:
+            notes.append(Doubt(FAR_FROM_WHEELS if is_trial else SCAN_FAR_FROM_WHEELS, **known))
     return notes
 
 
@@ -171,6 +187,29 @@ def _copies(measured: Sequence[Observation]) -> list[Doubt]:
             if first is not None:
                 notes.append(Doubt(COPIED, trial=observation.name, name=first))
     return notes
+
+
+def check_positions(observations: Sequence[Observation], source: str) -> None:
+    """Raise InputError for a scan of a sweep or a run-out that copies another of its wheel.
+
+    A wheel that seems not to have moved has no run-out, and a sweep another axis. The reference
+    scan may be one of them, but for a vehicle that has rolled: there it is the first position.
+    """
+    positions: dict[tuple[str, str | None], list[Observation]] = {}
+    references = {one.wheel: one for one in observations if one.role == "reference"}
+    for one in observations:
+        if one.role not in ("sweep", "runout") or one.evidence is None:
+            continue
+        rolled = one.role == "runout" and one.turn is not None and one.turn.position is not None
+        first = [references[one.wheel]] if rolled and one.wheel in references else []
+        before = positions.setdefault((one.role, one.wheel), first)
+        copied = next((other.name for other in before if are_copies(other, one)), None)
+        if copied is not None:
+            raise InputError(
+                f"{source}: {one.name} holds the same points as {copied}: it is a copy, which "
+                f"shows no other position of {one.wheel}: check its file"
+            )
+        before.append(one)
 
 
 def are_copies(one: Observation, other: Observation) -> bool:

@@ -31,7 +31,7 @@ from ..vehicle import (
     outward_normal,
     wheel_angles,
 )
-from .doubts import doubts_of, floor_below
+from .doubts import check_positions, doubts_of, floor_below
 from .records import Measurement, Observation, Provenance, Vertical, VerticalKind, WheelResult
 from .repeatability import share_components
 
@@ -85,12 +85,13 @@ def align(
     """Evaluate all observations; the first four are RR, RL, FR, FL and were measured.
 
     verticals: finds those that are known, and the one in use. A trial that belongs to no wheel gets
-    a status. Raises InputError where the four centres define no frame, and where the vertical in
-    use is not known.
+    a status. Raises InputError where the four centres define no frame, where a position of a sweep
+    or a run-out is a copy of another, and where the vertical in use is not known.
     """
     centres, frame = _frame_of(observations, provenance)
     observations = share_components([_on_a_wheel(one, centres) for one in observations])
     _check_sides(frame, observations, provenance)
+    check_positions(observations, provenance.source)
     observations = _with_wheel_centres(observations, frame)
     centres, frame = _frame_of(observations, provenance)
     measured = [one for one in observations if one.evidence is not None]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -128,6 +128,14 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
             f"{folder}: cannot be created ({error.strerror}): give another folder"
         ) from error
     return [write_whole(folder / name, content) for name, content in files.items()]
+
+
+def keep_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
+    """Raise InputError where an output of a command would replace a file that it reads."""
+    read = [path for path in inputs if path.exists()]
+    for path in outputs:
+        if path is not None and path.is_file() and any(path.samefile(one) for one in read):
+            raise InputError(f"{path}: this command reads it: give another path for its output")
 
 
 def write_whole(path: Path, content: bytes) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -114,8 +114,9 @@ def validate_archive(
 ) -> ComparisonStudy:
     """Compare every capture in `source`: its folders, zips and tars, by name.
 
-    A cloud among them without a folder is a row with that reason: it may show a vehicle or a wheel.
-    Raises InputError where there is no capture, or none could be compared.
+    A cloud among them without a folder is a row with that reason: it may show a vehicle or a wheel;
+    so is a copy of another, which is not independent of it. Raises InputError where there is no
+    capture, or none could be compared.
     """
     paths = sorted(path for path in source.iterdir() if _may_be_capture(path))
     if not paths:
@@ -123,10 +124,10 @@ def validate_archive(
             f"{source}: holds neither a capture nor folders, zips or tars of captures: "
             "give the folder that holds them"
         )
-    rows = []
+    rows: list[Row] = []
     for path in paths:
         progress(path.name)
-        rows.append(_row(path, target, config, scanner, request))
+        rows.append(_unless_copied(_row(path, target, config, scanner, request), rows))
     if all(row.found is None for row in rows):
         raise InputError(
             f"{source}: none of its {len(rows)} captures could be compared; the first: "
@@ -140,6 +141,21 @@ def _may_be_capture(path: Path) -> bool:
         return False
     packed = path.name.lower().endswith(ARCHIVE_SUFFIXES)
     return path.is_dir() or packed or path.name in clouds_of(path.parent)
+
+
+def _unless_copied(row: Row, before: Sequence[Row]) -> Row:
+    """Return a row, or the reason why there is none where its scans are those of one before."""
+    read = _scans(row)
+    copied = next((one.name for one in before if read and _scans(one) == read), None)
+    reason = f"it has the scans of {copied}: a copy is no independent comparison: remove it"
+    return row if copied is None else Row(row.name, None, reason)
+
+
+def _scans(row: Row) -> frozenset[str]:
+    """Return the checksums of the files of the first method; empty where nothing was compared."""
+    if row.found is None or not row.found.origins:
+        return frozenset()
+    return frozenset(row.found.origins[0].inputs.values())
 
 
 def _row(

@@ -650,6 +650,14 @@ def test_csv_is_printed_as_it_is_written(results, tmp_path):
     assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("kind", ["csv", "xlsx", "html"])
+def test_no_table_replaces_the_index(results, kind):
+    catalogue = Path(results) / "catalogue.sqlite"
+    before = catalogue.read_bytes()
+    assert "this command reads it" in run(results, f"--{kind}", catalogue).stderr
+    assert catalogue.read_bytes() == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +28,7 @@ from wheelplane.calibration.calibrate import (
 from wheelplane.calibration.forms.readings import COLUMNS, read_texts
 from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.calibration.forms.template import ITEM_FORM, readings_form
+from wheelplane.calibration.reference import Reference
 from wheelplane.commands.calibrate import calibrate as command
 from wheelplane.errors import InputError
 from wheelplane.five_point import measure_five_point, read_five_point
@@ -209,14 +213,42 @@ def test_arguments_that_do_not_belong_together_are_named(arguments, fault):
         run("points.txt", *arguments)
 
 
+def of_series(table, series):
+    """The rows of a table of readings as those of another series."""
+    head, *rows = csv.reader(table.splitlines())
+    column, text = head.index("series"), io.StringIO()
+    for row in rows:
+        row[column] = series
+    csv.writer(text).writerows(rows)
+    return text.getvalue()
+
+
+def test_one_measurement_twice_is_one_reference():
+    """As a capture and as its results, whose numbers are rounded: their noise is the same."""
+    bay = Bay(seed=2)
+    inputs = bay.reference().measurement
+    named = replace(inputs.provenance, inputs={"rr.ply": "sha256:1", "rl.ply": "sha256:2"})
+    other = replace(inputs.provenance, inputs={"o/rr.ply": "sha256:1", "o/rl.ply": "sha256:3"})
+    copy = replace(named, inputs={f"copy/{k}": v for k, v in named.inputs.items()})
+    measured = [replace(inputs, provenance=one) for one in (named, other, copy)]
+    references = by_series([Reference(one) for one in measured])
+    assert [one.series for one in references] == ["1", "2", "3"]
+    assert references[2].measurement is references[0].measurement is measured[0]
+    assert references[1].measurement is measured[1]
+
+
 def test_references_in_their_order_are_those_of_the_series(tmp_path):
     bay, tested = Bay(seed=2), machine()
     item = item_of(tested)
     path = tmp_path / "r.csv"
-    path.write_text(readings_csv(indicate(bay.truth, tested, bay.car.rng)))
+    first = readings_csv(indicate(bay.truth, tested, bay.car.rng))
+    path.write_text(first)
     one, two = by_series([bay.reference(), bay.reference()])
     assert (one.series, two.series) == ("1", "2")
     assert by_series([one])[0].series is None
+    with pytest.raises(InputError, match="no reading is of series 2, whose reference is"):
+        calibrate_file([one, two], item, path)
+    path.write_text(first + of_series(first, "2"))
     found = calibrate_file([one, two], item, path)
     assert [record.series for record in found.references] == ["1", "2"]
     why_not = why_not_of([two], item)

@@ -6,7 +6,7 @@ from click.testing import CliRunner
 from tests.uncertainty.test_field_tests import lengths, two_faces
 from wheelplane.cli import cli
 from wheelplane.config import Config, EnvironmentConfig, parse_section, with_scanner
-from wheelplane.errors import ConfigError
+from wheelplane.errors import ConfigError, InputError
 
 
 def test_a_file_by_field_tests_is_taken_by_measure(tmp_path):
@@ -31,6 +31,18 @@ def test_terms_that_the_tests_do_not_show_are_named(tmp_path):
     assert "Not shown by these tests: range_bias_m." in result.output
     assert "# range_bias_m: these tests do not show it" in file.read_text()
     assert with_scanner(Config(), str(file)).instrument.range_bias_m == 0.0
+
+
+def test_a_field_test_is_not_replaced_by_what_it_shows(tmp_path):
+    test = lengths(tmp_path / "lengths.csv")
+    before = test.read_bytes()
+    again = tmp_path / "again.toml"
+    again.symlink_to(test)
+    for output in (test, again):
+        result = CliRunner().invoke(cli, ["scanner", "--from", str(test), "-o", str(output)])
+        assert isinstance(result.exception, InputError)
+        assert f"{output}: this command reads it" in str(result.exception)
+        assert test.read_bytes() == before
 
 
 def test_a_file_that_is_missing_is_one_line(tmp_path):

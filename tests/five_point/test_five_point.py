@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.support.batches import call
 from tests.support.paths import DATA
 from wheelplane.diagnostics.plausibility import length
 from wheelplane.diagnostics.selftest import certified_folder
@@ -590,3 +591,16 @@ def test_axles_in_one_place_are_refused(tmp_path):
     np.savetxt(path, blocks.reshape(-1, 3), fmt="%.9f")
     with pytest.raises(InputError, match=r"wheel centres of R[RL] and F[RL] lie 300 mm apart"):
         measure_five_point(read_five_point(path), check=False)
+
+
+@pytest.mark.parametrize("option", ["-o", "--html", "--pdf"])
+@pytest.mark.parametrize("method", ["tls", "tcgc-2013"])
+def test_the_points_are_not_replaced_by_their_report(tmp_path, option, method):
+    """A survey was lost so, with exit code 0."""
+    file = tmp_path / "points.txt"
+    file.write_bytes((PAPER / "figure-4.txt").read_bytes())
+    again = tmp_path / ".." / tmp_path.name / "points.txt"
+    done = call("five-point", file, "--method", method, option, again)
+    assert done.returncode == 2
+    assert f"{again}: this command reads it: give another path" in done.stderr
+    assert file.read_bytes() == (PAPER / "figure-4.txt").read_bytes()

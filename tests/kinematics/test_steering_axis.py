@@ -122,7 +122,7 @@ def test_u_is_what_the_cone_allows():
     assert few.inclination.u == pytest.approx(expected, rel=0.1)
     assert few.caster.u == pytest.approx(NORMAL_RAD / np.linalg.norm(np.sin(SWEEP[[0, 2, 4]])),
                                          rel=0.35)  # fmt: skip
-    many = one(Scene(5, noise=0.0, centre_m=1e-4).references(),
+    many = one(Scene(5, noise=1.0, centre_m=1e-4).references(),
                steers=np.radians([-20.0, 0.0, 20.0] * 4))  # fmt: skip
     assert many.inclination.u == pytest.approx(few.inclination.u / 2.0, rel=0.05)
 

@@ -230,6 +230,40 @@ def test_the_reference_scan_in_a_sweep_is_no_copy():
     assert measured(made).doubts == ()
 
 
+def positions(role, named="FL"):
+    """Three scans of the wheel FL turned about its own axis, named for a wheel."""
+    made = scene()
+    for index in range(3):
+        at = np.array(PLACES["FL"]) + 0.001 * index
+        normal = facing("FL", 0.002 + 0.01 * index, -0.01)
+        made.look(f"turn {index}", role, named, at, normal)
+    return made
+
+
+@pytest.mark.parametrize("role", ["sweep", "runout"])
+def test_a_position_that_copies_another_of_its_wheel_is_refused(role):
+    """A wheel then seems not to have moved: without run-out, 64 u off at a smaller u."""
+    made = positions(role)
+    assert measured(made).doubts == ()
+    first, last = made.seen[-3], made.seen[-1]
+    made.seen[-1] = replace(first, name=last.name, turn=last.turn, sha256="another")
+    with pytest.raises(InputError, match="turn 2 holds the same points as turn 0: it is a copy"):
+        measured(made)
+
+
+@pytest.mark.parametrize("role", ["sweep", "runout"])
+def test_no_verdict_rests_on_a_sweep_or_run_out_of_another_wheel(role):
+    """It moves axes and wheels, unlike a trial: FR's caster was conforming by the scans of FL."""
+    found = measured(positions(role, named="FR"))
+    assert [dict(doubt.parts)["scan"] for doubt in found.doubts] == ["turn 0", "turn 1", "turn 2"]
+    assert {doubt.parts["nearest"] for doubt in found.doubts} == {"FL"}
+    assert undecided(found) == EVERYTHING - {"1"}
+    far = positions(role)
+    for one in far.seen[-3:]:
+        one.fitted.centre_m[2] += 1.1
+    assert ["its nearest wheel" in doubt for doubt in measured(far).doubts] == [True] * 3
+
+
 def test_a_value_outside_its_limits_is_undecided_too_where_it_may_be_of_another_wheel():
     limits = Tolerance.model_validate({"rear": {"toe": {"lower_deg": 10.0}}})
     assert assess(sound(), limits).decision == "not conform"

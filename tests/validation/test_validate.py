@@ -20,10 +20,12 @@ from wheelplane.cli import cli
 from wheelplane.config import Config
 from wheelplane.errors import ConfigError, InputError, WheelplaneError
 from wheelplane.five_point.file import read_five_point
+from wheelplane.measurement import Provenance
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.plots.validation import ticks
 from wheelplane.report.tables.study import verdict_lines
 from wheelplane.report.text.validation import validation_text
+from wheelplane.validation import study
 from wheelplane.validation.five_point import (
     FivePointOptions,
     match_blocks,
@@ -402,6 +404,24 @@ def test_an_archive_against_the_truth(archive):
     assert tree["captures"][1]["second"] == "truth"
     five = json.loads(run("validate", archive, "--truth", "--five-point", FILE, "--json").stdout)
     assert five["captures"][1]["first"] == "five points"
+
+
+def test_a_copy_of_a_capture_is_no_independent_comparison(monkeypatch, tmp_path):
+    """Five copies agreed, with a bias of limits that exclude 0, and would detect one of 0."""
+    for name in ("a", "b", "c"):
+        (tmp_path / name).mkdir()
+    found, scans = Car(1).compare(station=FINE), {"a": "1", "b": "2", "c": "1"}
+
+    def compared(path, *_):
+        inputs = {f"{path.name}: rr.ply": f"sha256:{scans[path.name]}"}
+        origin = Provenance(path.name, None, "", inputs, {}, 0)
+        return Row(path.name, replace(found, origins=(origin, origin)))
+
+    monkeypatch.setattr(study, "_row", compared)
+    found = validate_archive(tmp_path, None, Config(), None, Request("truth"))
+    assert [row.found is None for row in found.rows] == [False, False, True]
+    assert found.rows[2].reason.startswith("it has the scans of a: a copy is no independent")
+    assert not found.complete
 
 
 def test_what_is_an_archive(archive, made, tmp_path):

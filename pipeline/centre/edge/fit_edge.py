@@ -82,8 +82,8 @@ def fit_edge(
     thickness_m, chamfer_m: of the target, where known. roundness: of its edge, see `rounded`.
     begin: where to start, as `aimed` returns it, or the fit of another edge of the same target,
     whose beams are the same.
-    None where less than a quarter of the edge has a background, or the scanner has filtered out the
-    beams at the edge.
+    None where less than a quarter of the edge has a background, or where beams at the edge were
+    filtered out and leave no gap.
     """
     problem, state = _problem(
         uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m, roundness

@@ -48,7 +48,6 @@ from .mixed_pixel import EITHER
 from .solution import (
     AS_MUCH,
     BY_CHANCE,
-    CONVERGED_M,
     STEP_M,
     EdgeFit,
     Solution,
@@ -70,7 +69,7 @@ EVENED, SLIGHTLY_UNEVEN = 5, 0.4  # times; mean residual, over u, of sectors tha
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST, LEAST_COVERED = 24, 0.25  # points about an edge; share of it with a background
 MOST_OF_FEW = 20  # iterations of each fit to few points
-NEAR_STEP_M = 1e-6  # of the centre, that ends a fit from a solution without a chamfer
+NEAR_STEP_M = 1e-6  # of the centre, that ends a fit with the background of another solution
 FAR_M = 5e-5  # step of the growth, after which other points lie near the edge
 NEAR_MODULATION = 1.0  # of the modulation, 1/m^2, that ends a fit
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
@@ -91,9 +90,10 @@ BY_CHAMFER = 0.58  # of what a chamfer would move that may be a wrong width: any
 LEAST_SHARP_M = -3e-5  # that a sharp edge may seem to have
 BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
 # Power of the background's light: over its u, from which on it is sought, and where zones differ;
-# of its search, the number of steps, the one that ends it, and the one from which on solutions are
-# sought anew.
-SURE_OF_GAMMA, PERHAPS_GAMMA, MOST_GAMMAS, NEAR_GAMMA, FAR_GAMMA = 3.0, 1.0, 3, 0.05, 0.25
+# of its search, the number of steps, the one that ends it, and where zones differ, and the one from
+# which on solutions are sought anew.
+SURE_OF_GAMMA, PERHAPS_GAMMA = 3.0, 1.0
+MOST_GAMMAS, NEAR_GAMMA, NEARER_GAMMA, FAR_GAMMA = 6, 0.05, 0.01, 0.25
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
 # square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
@@ -113,14 +113,14 @@ def fit_mixed(
     and the data contradict the stated one then.
     """
     most = config.max_iterations
-    steep = float(np.hypot(*state[BEAM])) > STEEP
+    steep = _is_steep(state)
     if steep:  # footprint and beams would diverge with the wall
         problem = replace(problem, prior=problem.prior.plain())
     plain = problem
     problem, found = _best(problem, state, most)
     shown_m = _pointing_m(problem, found)
     problem, plain = (replace(one, pointing_m=shown_m) for one in (problem, plain))
-    problem, found = _lit(*_freed(problem, found, config), plain, state, config)
+    problem, found = _with_light(*_freed(problem, found, config), plain, state, config)
     plain = replace(plain, gamma=problem.gamma)
     if steep and thickness_m is not None and _is_strange(found, problem.prior):
         held = replace(plain, prior=plain.prior.held(state))
@@ -257,12 +257,12 @@ def _pointing_m(problem: EdgeProblem, found: Solution) -> float:
 
     Not of an edge that is stated to be round: its model errs by 0.01 mm, which would count more.
     """
-    if problem.few or problem.roundness > EITHER or found.last_m > CONVERGED_M:
+    if problem.few or problem.roundness > EITHER or not found.converged:
         return problem.pointing_m
     return pointing_m(problem, found.background, found.state, found.zones)
 
 
-def _lit(
+def _with_light(
     problem: EdgeProblem, found: Solution, plain: EdgeProblem, state: Array, config: CentreConfig
 ) -> tuple[EdgeProblem, Solution]:
     """Return the problem whose background is as bright as its intensities, with its solution.
@@ -271,20 +271,20 @@ def _lit(
     they are where its light explains nothing, or less than the zones' reflectances do.
     plain: the problem of sharp edges and mean ranges, to be solved from a state.
     """
-    if problem.few or problem.light is None or found.last_m > CONVERGED_M:
+    if problem.few or problem.light is None or not found.converged:
         return problem, found
     gamma, u = _power_of_light(problem, found)
-    least = SURE_OF_GAMMA if found.zones.sigma <= ALIKE_LOG else PERHAPS_GAMMA
-    if gamma < least * u:
+    if gamma < (PERHAPS_GAMMA if _is_by_zones(found) else SURE_OF_GAMMA) * u:
         return problem, found
     most = config.max_iterations
     lit, first = _best(replace(plain, gamma=1.0), state, most)
     freed, other = _freed(lit, first, config)
     for _ in range(MOST_GAMMAS):
         change = float(np.clip(_power_of_light(freed, other)[0] - lit.gamma, -1.0, 1.0))
-        if other.last_m > CONVERGED_M or abs(change) < NEAR_GAMMA:
+        by_zones = _is_by_zones(other)  # which may be alike once the power is right
+        if not other.converged or abs(change) < (NEARER_GAMMA if by_zones else NEAR_GAMMA):
             break
-        if abs(change) < FAR_GAMMA:
+        if abs(change) < FAR_GAMMA and not by_zones:
             lit = replace(lit, gamma=lit.gamma + change)
             first = _again(lit, first, most)
         else:
@@ -293,9 +293,14 @@ def _lit(
         if _is_worse(better, other):
             break
         freed, other = more, better
-    if other.last_m > CONVERGED_M or _is_worse(other, found):
+    if not other.converged or _is_worse(other, found):
         return problem, found
     return freed, other
+
+
+def _is_by_zones(found: Solution) -> bool:
+    """Return whether the zones of a background have reflectances of their own."""
+    return found.zones.sigma > ALIKE_LOG
 
 
 def _is_worse(found: Solution, other: Solution) -> bool:
@@ -310,7 +315,7 @@ def _power_of_light(problem: EdgeProblem, found: Solution) -> tuple[float, float
     By one step from a solution: of Gauss-Newton where zones differ, as it is none of alike ones.
     """
     linear, state = found.equations, found.state
-    if found.zones.sigma > ALIKE_LOG:
+    if _is_by_zones(found):
         alike = Zones.alike()
         linear = equations(problem, found.background, state, alike, False, True)
         linear = replace(linear, change=linear.weight)
@@ -328,9 +333,9 @@ def _freed(
     where they do not explain such a size.
     """
     most = config.max_iterations
-    if problem.few or plain.last_m > CONVERGED_M or len(plain.background.rows) < LEAST:
+    if problem.few or not plain.converged or len(plain.background.rows) < LEAST:
         return problem, plain
-    if float(np.hypot(*plain.state[BEAM])) > STEEP:
+    if _is_steep(plain.state):
         return problem, _as_if_sharp(problem, _near(problem, plain, most))
     phased = problem
     if problem.prior.is_of_means and config.ambiguity_m is None:
@@ -343,7 +348,7 @@ def _freed(
             low_m = LOW_CHAMFER_M * along(bevelled.equations, may.prior, CHAMFER)[CENTRE]
             return may, replace(bevelled, by_chamfer_m=low_m, by_round=by_round(bevelled, may))
     found = _near(phased, plain, most)
-    if found.last_m > CONVERGED_M or (doubted and _may_be_of_another_size(phased, found)):
+    if not found.converged or (doubted and _may_be_of_another_size(phased, found)):
         phased, found = problem, plain
     return phased, _as_if_sharp(phased, found, bevelled)
 
@@ -362,7 +367,7 @@ def _as_if_sharp(
     may = replace(problem, prior=problem.prior.bevelled())
     linear = equations(may, found.background, found.state, found.zones, True, True)
     by_chamfer_m = unseen_chamfer_m(linear, problem.prior)
-    if bevelled is not None and bevelled.last_m < CONVERGED_M and bevelled.state[CHAMFER] > 0.0:
+    if bevelled is not None and bevelled.converged and bevelled.state[CHAMFER] > 0.0:
         asked_m = BY_CHAMFER * (bevelled.state - found.state)[CENTRE]
         by_chamfer_m = max(by_chamfer_m, asked_m, key=lambda move: float(move @ move))
     return replace(found, by_chamfer_m=by_chamfer_m)
@@ -395,7 +400,7 @@ def _near(problem: EdgeProblem, found: Solution, most: int) -> Solution:
 def _has_chamfer(problem: EdgeProblem, found: Solution) -> bool:
     """Return whether the chamfer of a solution may be one; nor where a wrong width would be one."""
     chamfer_m = float(found.state[CHAMFER])
-    if found.last_m > CONVERGED_M or not LEAST_CHAMFER_M < chamfer_m < MOST_CHAMFER_M:
+    if not found.converged or not LEAST_CHAMFER_M < chamfer_m < MOST_CHAMFER_M:
         return False
     if not problem.outline.shows_rotation:
         return True
@@ -425,7 +430,7 @@ def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem
     that moves without them is sought anew: they may have led it astray.
     """
     found = _by_backgrounds(problem, state, most)
-    if found.zones.sigma > ALIKE_LOG and float(np.hypot(*state[BEAM])) <= STEEP:
+    if _is_by_zones(found) and not _is_steep(state):
         even, alike = _evened(problem, state, most)
         if unexplained(alike) < unexplained(found) and not _differ(alike, even, DIFFERENT):
             return even, alike
@@ -467,10 +472,10 @@ def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
     By zones also where beams are steep: there zones keep a rough fit from diverging. At once where
     a first fit shows that they differ; not one of few points, or one that went astray.
     """
-    if float(np.hypot(*state[BEAM])) > STEEP and not problem.few:
+    if _is_steep(state) and not problem.few:
         return _solved(problem, state, Zones.free(), most)
     found = _converge(problem, state, Zones.alike(), most, consistent=False)
-    clear = len(problem.depth) > CLEARLY and found.last_m < CONVERGED_M
+    clear = len(problem.depth) > CLEARLY and found.converged
     if not (clear and found.state[INVERSE] > PARALLEL and _differ(found, problem, SURELY)):
         found = _refined(problem, found, most)
         if not _differ(found, problem, DIFFERENT):
@@ -506,10 +511,15 @@ def _reaches_background(found: Solution) -> bool:
     return len(depth_m) > 0 and thickness_m > float(np.quantile(depth_m, NEAREST))
 
 
+def _is_steep(state: Array) -> bool:
+    """Return whether beams are so steep that a thick wall hides what lies behind an edge."""
+    return float(np.hypot(*state[BEAM])) > STEEP
+
+
 def _is_strange(found: Solution, prior: Prior) -> bool:
     """Return whether a fit did not converge, or its thickness is far from the known one."""
     off = abs(float(found.state[THICKNESS] - prior.mean[THICKNESS]))
-    return found.last_m > CONVERGED_M or off > RIDGE
+    return not found.converged or off > RIDGE
 
 
 def _diverged(state: Array, first: Array, prior: Prior) -> bool:

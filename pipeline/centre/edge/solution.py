@@ -76,7 +76,8 @@ class EdgeFit:
     of the residuals over their standard uncertainties, see `unexplained`. loss: mean of Cauchy's
     loss, of few mixed pixels. converged: whether the last step was small. thickness_u: relative.
     stated_thickness_m: one that the data contradict, and that was not used; by_thickness_m: (2,)
-    by which the centre would move if it were not, where that is in doubt; thickness_pull: by how
+    by which the centre would move if it were not, where that is in doubt, or by what may be left of
+    a wall whose beams were filtered out; thickness_pull: by how
     many standard deviations of what the data may move it they pull the stated one, None where
     none is stated.
     by_chamfer_m: (2,) by which the centre would move with a chamfer (k = 1), where the edge counts
@@ -160,9 +161,9 @@ class EdgeFit:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Last state (14,) of a fit, what it was linearised from, and its last step of the centre.
+    """Last state (14,) of a fit, with the zones after its last step, which moved the centre last_m.
 
-    by_chamfer_m, by_round: as of an EdgeFit.
+    equations: of the state before that step. by_chamfer_m, by_round: as of an EdgeFit.
     """
 
     state: Array
@@ -173,6 +174,11 @@ class Solution:
     last_m: float
     by_chamfer_m: Array | None = None
     by_round: Array | None = None
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last step hardly moved the centre."""
+        return self.last_m < CONVERGED_M
 
     @property
     def covered(self) -> float:
@@ -190,7 +196,7 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         loss=found.equations.loss if problem.few else 0.0,
         points=len(found.equations.residual_m),
         iterations=found.iterations,
-        converged=found.last_m < CONVERGED_M,
+        converged=found.converged,
         by_chamfer_m=found.by_chamfer_m,
         by_round=found.by_round,
         lost=_lost(found.background.usable, problem.outline),
