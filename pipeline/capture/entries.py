@@ -127,12 +127,17 @@ def _of_rolled(runouts: tuple[DeclaredRunout, ...], where: str) -> list[ScanEntr
 
 
 def _check_rolled(entries: list[ScanEntry], where: str) -> None:
-    """Check that a capture of a rolled vehicle has neither sweeps nor repeats of its wheels."""
+    """Check that a capture of a rolled vehicle has neither trials, sweeps nor repeats.
+
+    Its frame is that of mean centres. A trial is seen once, against the centres of one position,
+    whose run-out turns what the frame calls ahead by more than u says.
+    """
     if not any(e.role == "runout" and e.turn and e.turn.position for e in entries):
         return
     for entry in entries:
-        if entry.role == "sweep" or entry.repeats in REFERENCE_WHEELS:
-            what = "is of a sweep" if entry.role == "sweep" else f"repeats {entry.repeats}"
+        kinds = {"sweep": "is of a sweep", "trial": "is a trial"}
+        if entry.role in kinds or entry.repeats is not None:
+            what = f"repeats {entry.repeats}" if entry.repeats else kinds[entry.role]
             raise InputError(
                 f"{where}: {entry.name!r} {what}, in a capture of a vehicle that rolled, whose "
                 "wheels are means over its positions: put it into a capture of its own"

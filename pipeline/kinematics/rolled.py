@@ -29,7 +29,8 @@ MOST_TILT_RAD, MOST_SHIFT_M = (
     math.radians(3.0),
     0.04,
 )  # between positions: no mounting is as far off
-TURNS_WITH_WHEEL = ("flatness", "clamp", "tyre run-out")  # what the mean is free of
+# What the mean is free of; of a flatness that a fit observed, with degrees of freedom, it is not.
+TURNS_WITH_WHEEL = ("flatness", "clamp", "tyre run-out")
 
 
 def carried(observations: Sequence[Observation], source: str) -> list[Observation]:
@@ -193,7 +194,8 @@ def _mean(results: Sequence[WheelResult], weights: Array, left: float) -> WheelP
         _weighted(component, weight, fit, result)
         for result, fit, weight in zip(results, fits, weights, strict=True)
         for component in fit.components
-        if component.name not in TURNS_WITH_WHEEL or math.isfinite(component.dof)
+        if component.name not in TURNS_WITH_WHEEL
+        or (component.name == "flatness" and math.isfinite(component.dof))
     ]
     turns = [result.observation.turn for result in results]
     u_turns = np.array([0.0 if turn is None else turn.u_rad or 0.0 for turn in turns])
@@ -215,7 +217,9 @@ def _weighted(
     facing = math.copysign(1.0, float(result.normal @ fit.normal))
     factor = weight * component.factor
     factor[:3] *= facing
-    shared = component.shared or f"scan {result.observation.name}"
+    of_plate = component.name == "stand-off"  # the same plate on the same wheel in all positions
+    of = f"plate of {result.wheel}" if of_plate else f"scan {result.observation.name}"
+    shared = component.shared or of
     return replace(component, factor=factor, shared=shared)
 
 

@@ -78,6 +78,14 @@ def test_clouds_of_a_rolled_vehicle_follow_the_first(tmp_path):
             ],
             "'t' repeats RR, in a capture of a vehicle that rolled",
         ),
+        (  # its u was 600 times too small: the frame of one position has the centres' run-out
+            [
+                REFERENCE,
+                '[[trial]]\nname = "t"\nfile = "t.ply"\nwheel = "RR"\n',
+                *map(runout, WHEELS),
+            ],
+            "'t' is a trial, in a capture of a vehicle that rolled",
+        ),
     ],
 )
 def test_what_is_not_a_position_of_a_vehicle_is_refused(tmp_path, parts, line):

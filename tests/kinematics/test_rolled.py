@@ -113,6 +113,32 @@ def test_a_stated_mounting_turns_with_the_wheel_and_is_not_in_the_mean():
     assert found.plates.wheels[0].u_toe_rad > 0.009
 
 
+def test_tyre_run_out_turns_with_the_wheel_whatever_its_degrees_of_freedom():
+    """Of a flatness that a fit observed in each scan the mean is not free."""
+    u = {}
+    for name in ("tyre run-out", "flatness"):
+        tilt = np.vstack([0.002 * np.eye(3), np.zeros((3, 3))])
+        scene, _ = rolled(1, noise=0.0, extra=(UncertaintyComponent(name, tilt, dof=6.0),))
+        u[name] = measured(scene).wheels[0].u_toe_rad
+    scene, _ = rolled(1, noise=0.0)
+    assert u["tyre run-out"] == pytest.approx(measured(scene).wheels[0].u_toe_rad, rel=0.01)
+    assert u["flatness"] > 0.001
+
+
+@pytest.mark.parametrize(("name", "left"), [("stand-off", 1.0), ("centre", 0.5**0.5)])
+def test_what_is_of_the_plate_is_not_less_in_the_mean(name, left):
+    """The same plate stands off the wheel in all positions; what is of a scan is drawn anew."""
+    ratios = []
+    for seed in range(5):
+        aside = Scene(seed).R.apply([0.0, 0.005, 0.0])
+        component = UncertaintyComponent(name, np.append(np.zeros(3), aside)[:, None])
+        scene, _ = rolled(seed, noise=0.0, normal_rad=1e-9, centre_m=1e-9, extra=(component,))
+        found = measured(scene)
+        mean, one = (each.uncertainty.vehicle_standard for each in (found, found.plates))
+        ratios.append(mean["rear_track"] / one["rear_track"])
+    np.testing.assert_allclose(ratios, left, rtol=0.02)
+
+
 @pytest.mark.parametrize(
     ("turns", "line"),
     [
