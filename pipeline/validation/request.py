@@ -11,7 +11,7 @@ import numpy as np
 
 from ..capture import Capture
 from ..errors import Wording
-from ..measurement import MEASURED_FROM, Measurement, WheelResult
+from ..measurement import MEASURED_FROM, Measurement, WheelResult, evaluate
 from ..vehicle import build_reference_frame, wheel_angles
 from .comparison import ComparedMethod
 from .five_point import FivePointOptions
@@ -69,6 +69,19 @@ def measured(measurement: Measurement) -> RequestPart:
         tuple(w for w in wheels if comparable(w)),
         tuple((w.observation.name, why_missing(w)) for w in missing),
     )
+
+
+def of_faces(dense: Measurement) -> Measurement:
+    """Return a measurement of the targets' faces, on which five points lie, not of the wheels.
+
+    As it is where no target is carried to its wheel.
+    """
+    mounted = dense.plates or dense
+    if all(wheel.observation.on_wheel is None for wheel in mounted.wheels):
+        return mounted
+    seen = [replace(wheel.observation, on_wheel=None) for wheel in mounted.wheels]
+    faces = [one.fitted for one in seen if one.evidence is not None]
+    return evaluate(seen, faces, mounted.provenance, mounted.notes, mounted.vertical)
 
 
 def note_of_plates(dense: Measurement) -> tuple[str, ...]:

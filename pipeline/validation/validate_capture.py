@@ -26,6 +26,7 @@ from .request import (
     from_wheel_centres,
     measured,
     note_of_plates,
+    of_faces,
     why_missing,
     without_vertical,
 )
@@ -64,7 +65,7 @@ def compare_with_points(dense: Measurement, points: FivePoints, request: Request
 
     Raises InputError where the two cannot be of one vehicle.
     """
-    part, results = _in_both(measured(dense.plates or dense), points)
+    part, results = _in_both(measured(of_faces(dense)), points)
     first, said = as_method(DENSE, part.results), dense.notes
     if dense.vertical is not None:
         first, said = from_wheel_centres(first, part.wheels), without_vertical(said)

@@ -33,7 +33,7 @@ from ..targets import Target, WheelTarget
 from ..uncertainty import UncertainTarget, UncertaintyComponent, plane_component
 from ..vectors import Array
 from .comparison import Comparison, added
-from .request import DENSE, Request, RequestPart, as_method, measured, note_of_plates
+from .request import DENSE, Request, RequestPart, as_method, measured, note_of_plates, of_faces
 from .statistics.joint_test import Spread
 from .tcgc_2013 import LABEL as OLD
 from .tcgc_2013 import by_old_estimator
@@ -188,8 +188,7 @@ def compare_virtual(
         return evidence
 
     dense = measure_capture(capture, config, progress, fit_and_pick)
-    plates = dense.plates or dense
-    part, found = _picked_of(measured(plates), picks, capture.source)
+    part, found = _picked_of(measured(of_faces(dense)), picks, capture.source)
     blocks_m = np.stack([picked.points_m for picked in found])
     points = measure_five_point(FivePointFile(blocks_m, capture.source, "", ()), check=False)
     first, second = as_method(DENSE, part.results), as_method(VIRTUAL, points.wheels)

@@ -19,17 +19,19 @@ from wheelplane.capture.open_capture import open_capture
 from wheelplane.cli import cli
 from wheelplane.config import Config
 from wheelplane.errors import ConfigError, InputError, WheelplaneError
-from wheelplane.five_point.file import read_five_point
-from wheelplane.measurement import Provenance
+from wheelplane.five_point.file import FivePointFile, read_five_point
+from wheelplane.measurement import Evidence, Observation, Provenance, align
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.plots.validation import ticks
 from wheelplane.report.tables.study import verdict_lines
 from wheelplane.report.text.validation import validation_text
+from wheelplane.targets.plates import DiscTarget
 from wheelplane.validation import study
 from wheelplane.validation.five_point import (
     FivePointOptions,
     match_blocks,
     pentagon_scatter_m,
+    points_of,
 )
 from wheelplane.validation.request import Request
 from wheelplane.validation.study import (
@@ -40,7 +42,7 @@ from wheelplane.validation.study import (
     validate_archive,
 )
 from wheelplane.validation.truth import read_truth
-from wheelplane.validation.validate_capture import validate_capture
+from wheelplane.validation.validate_capture import compare_with_points, validate_capture
 
 FILE = Path("five-point.txt")
 FINE = TM30.model_copy(update={"range_sigma_m": 5e-5, "aiming_sigma_m": 0.0})
@@ -509,3 +511,26 @@ def test_ticks_are_round_and_few(size):
     step = found[1] - found[0]
     leading = step / 10 ** np.floor(np.log10(step) + 1e-9)
     assert np.min(np.abs(leading - np.array([1, 2, 2.5, 5, 10]))) < 1e-6
+
+
+@pytest.mark.parametrize("stand_off", [0.01, 0.06])
+def test_five_points_are_compared_with_the_faces_that_they_lie_on(stand_off):
+    """Not with centres carried to the wheels: tracks differed by twice the stand-off."""
+    car = Car(1)
+    faces, (blocks_m, _) = car.dense().targets, car.blocks()
+    points = points_of(FivePointFile(blocks_m, "five.txt", "", ()), car.names)
+    found = []
+    for given in ({}, {"stand_off": stand_off, "stand_off_u": 0.0005}):
+        target = DiscTarget(shape="disc", diameter=0.25, **given)
+        seen = [
+            Observation(
+                name, "reference", name, "", "", 5, 0, evidence=Evidence(fit), target=target
+            )
+            for name, fit in zip(car.names, faces, strict=True)
+        ]
+        dense = align(seen, Provenance("bay", None, "0", {}, {}, 0))
+        found.append(compare_with_points(dense, points, Request("five-point")))
+    plain, carried = found
+    np.testing.assert_array_equal(carried.difference_rad, plain.difference_rad)
+    assert carried.joint == plain.joint
+    assert carried.shape_test == plain.shape_test
