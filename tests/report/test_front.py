@@ -31,6 +31,7 @@ from wheelplane.report.json.measurement import to_json, to_tree
 from wheelplane.report.plots.angles import BAND, BAR_END, BAR_WIDE, COLOURS, bar_drawing
 from wheelplane.report.plots.drawing import CircleMark, Path
 from wheelplane.report.tables.front import changes_table, front_groups
+from wheelplane.report.text.vehicle import before_text
 
 EN = load_translations("en")
 WRITER = Writer(EN, PAPER)
@@ -318,3 +319,5 @@ def test_changes_by_the_same_scans_are_called_so(before, turned):
     for inputs, same in ((frozenset("12"), True), (frozenset("13"), False), (frozenset(), False)):
         table = changes_table(now, replace(before, inputs=inputs), WRITER)
         assert ("same scans" in table.caption) == same
+        text = before_text(now, replace(before, inputs=inputs), View())
+        assert ("two independent measurements" in text) != same

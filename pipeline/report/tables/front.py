@@ -115,9 +115,14 @@ def changes_table(measurement: Measurement, before: Earlier, writer: Writer) -> 
     ]
     columns = ("", words("vehicle.quantity"), words("front.before"), "U", words("front.now"), "U",
                words("front.change"), "U")  # fmt: skip
-    same = before.inputs and before.inputs == set(measurement.provenance.inputs.values())
+    same = is_of_same_scans(measurement, before)
     caption = words("front.changes_of_same" if same else "front.changes")
     return writer.table(columns, rows, 2, caption)
+
+
+def is_of_same_scans(measurement: Measurement, before: Earlier) -> bool:
+    """Return whether what was before is by the same scans, evaluated otherwise."""
+    return before.inputs != set() and before.inputs == set(measurement.provenance.inputs.values())
 
 
 def _axle(

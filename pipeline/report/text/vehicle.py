@@ -7,7 +7,7 @@ from ..format.earlier import Earlier
 from ..format.layout import paragraph
 from ..format.view import DEFINED, PAPER, View
 from ..format.writer import Writer
-from ..tables.front import changes_table
+from ..tables.front import changes_table, is_of_same_scans
 from ..tables.vehicle import axes_table, vehicle_table
 from ..tables.wheels import axles_table
 from .plain import plain_writer
@@ -41,7 +41,8 @@ def before_text(measurement: Measurement, before: Earlier, view: View) -> str:
     writer = plain_writer(view)
     words = writer.words
     date = before.date or words("front.undated")
-    note = words("front.note_before", capture=before.capture, date=date)
+    name = "note_before_same" if is_of_same_scans(measurement, before) else "note_before"
+    note = words(f"front.{name}", capture=before.capture, date=date)
     return changes_table(measurement, before, writer).block(note)
 
 
