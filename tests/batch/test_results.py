@@ -175,6 +175,16 @@ def test_statistics_agree_with_scipy():
     assert abs(done.robust_sd / done.sd - 1.0) > 0.1  # the tails tell one from the other
 
 
+@pytest.mark.parametrize("u", [0.003, math.nan])
+def test_one_capture_shows_no_deviation(u):
+    """Neither the one with the divisor n - 1 nor that of medians, which would be 0."""
+    done = summarised(made([0.1], u))
+    assert math.isnan(done.sd)
+    assert math.isnan(done.robust_sd)
+    ((_, outlier),) = trends_module._outliers(made([0.1], u), 3)
+    assert outlier.score == 0.0
+
+
 def test_the_summary_has_every_quantity_of_the_captures_that_have_it(catalogue):
     done = {row.quantity: row for row in summary(catalogue)}
     assert list(done)[:8] == [

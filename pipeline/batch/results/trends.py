@@ -40,8 +40,8 @@ MONTH_DAYS = 30.0  # to which slopes are stated
 class Summary:
     """Summary statistics of one quantity over n captures.
 
-    sd: divisor n - 1, nan for n = 1. robust_sd: 1.4826 times the median absolute deviation from
-    the median, with a breakdown point of 50 % (Rousseeuw and Croux, 1993, JASA 88, 1273).
+    sd: divisor n - 1. robust_sd: 1.4826 times the median absolute deviation from the median, with a
+    breakdown point of 50 % (Rousseeuw and Croux, 1993, JASA 88, 1273). Both are nan for n = 1.
     u_rms: root mean square of the stated standard uncertainties; an sd far above it is a real
     difference between captures.
     """
@@ -119,7 +119,7 @@ def summarised(one: Series) -> Summary:
         n=len(x),
         mean=float(x.mean()),
         sd=float(x.std(ddof=1)) if len(x) > 1 else math.nan,
-        robust_sd=NORMAL_OF_MAD * median_of(np.abs(x - median)),
+        robust_sd=NORMAL_OF_MAD * median_of(np.abs(x - median)) if len(x) > 1 else math.nan,
         median=median,
         low=float(x.min()),
         high=float(x.max()),
@@ -301,7 +301,7 @@ def worst(
 def _outliers(one: Series, n: int) -> list[tuple[int, Outlier]]:
     """Return the n captures farthest from the median, by their numbers, still without names."""
     stats = summarised(one)
-    width = max(stats.robust_sd, stats.u_rms if stats.u_rms > 0.0 else 0.0, 1e-12)
+    width = max(1e-12, stats.robust_sd, stats.u_rms)  # nan, where unknown, is never larger
     scores = np.abs(one.values - stats.median) / width
     found = []
     for at in _largest(scores, n):
