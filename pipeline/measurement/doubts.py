@@ -77,7 +77,8 @@ FAR_M = 0.6
 # Of two scans of one target: components of their uncertainty by the noise of points alone; a
 # difference of their centres beyond which they are no copies; probability of fits as near by
 # chance; noise, of the largest, below which there is none.
-OF_POINTS, NEAR_M, BY_CHANCE, LEAST = ("plane noise", "centre noise"), 5e-4, 1e-7, 1e-3
+OF_POINTS = ("plane noise", "centre noise", "point noise")
+NEAR_M, BY_CHANCE, LEAST = 5e-4, 1e-7, 1e-3
 
 
 def doubts_of(

@@ -16,6 +16,8 @@ from tests.support.turning import NOWHERE, PLACES, Scene, facing
 from wheelplane.capture.vertical import StatedVertical
 from wheelplane.cloud.preview import cloud_sample
 from wheelplane.errors import Doubt, InputError
+from wheelplane.five_point import measure_five_point
+from wheelplane.five_point.file import FivePointFile, read_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.doubts import FAR_M, TRACKS, TWIST_M, WHEELBASES
 from wheelplane.measurement.evaluate import align, find_verticals
@@ -384,3 +386,16 @@ def test_a_doubt_is_about_its_trial_or_about_all():
     assert Doubt("a note").is_about("RR")
     assert Doubt("Trial {trial}", trial="1").is_about("1")
     assert not Doubt("Trial {trial}", trial="1").is_about("vehicle")
+
+
+@pytest.mark.parametrize("decimals", [9, 5])
+def test_a_block_of_five_points_given_once_more_is_no_trial(decimals):
+    """Rounded to 0.01 mm, too; one that was measured again is none."""
+    blocks_m = read_five_point(POINTS).blocks_m
+    rng = np.random.default_rng(3)
+    again = blocks_m[0] + 3e-4 * rng.normal(size=(5, 3))
+    for block, copied in ((np.round(blocks_m[0], decimals), True), (again, False)):
+        points = np.concatenate([blocks_m[:4], block[None]])
+        found = measure_five_point(FivePointFile(points, "five.txt", "", ()))
+        doubts = [dict(doubt.parts) for doubt in found.doubts]
+        assert doubts == [{"trial": "1", "name": "RR"}] * copied
