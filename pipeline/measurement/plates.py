@@ -16,7 +16,8 @@ from .records import Observation
 PULLED, CONTRADICTED = 5.0, 5.0  # standard deviations of one scan, and of all together
 THICKNESS = (
     "By its mixed pixels, the target's edge is {seen} mm thick, its file says {stated} mm: "
-    "{names}. The centre is by the former; correct the thickness in the target's file, or omit it."
+    "{names}. The centre is by the former; correct the thickness in the target's file, or omit it; "
+    "a wrong chamfer or edge_radius in it looks the same."
 )
 SIZES = {
     "larger": (
