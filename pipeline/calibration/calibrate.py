@@ -93,12 +93,19 @@ def _calibration(
 def _unread(
     result: QuantityResult, readings: Readings, references: Sequence[Reference]
 ) -> tuple[str, ...]:
-    """Return the wheels and trials of the references at which toe or camber was never read."""
+    """Return the points at which a quantity was not read in the state of its result.
+
+    Of toe and camber among all wheels and trials of the references; of any quantity as left among
+    the points that were read as found.
+    """
+    of_it = [one for one in readings.rows if one.quantity == result.quantity]
+    read = {one.point for one in of_it if one.state == result.state}
+    known = [name for one in references for name in one.wheels]
     if result.quantity not in READ_AT_ALL:
-        return ()
-    read = {one.point for one in readings.rows if one.quantity == result.quantity}
-    known = dict.fromkeys(name for one in references for name in one.wheels)
-    return tuple(name for name in known if name not in read)
+        known = []
+    if result.state == "as left":
+        known += [one.point for one in of_it]
+    return tuple(name for name in dict.fromkeys(known) if name not in read)
 
 
 def calibrate_file(references: Sequence[Reference], item_file: ItemFile, path: Path) -> Calibration:

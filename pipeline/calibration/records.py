@@ -98,7 +98,8 @@ class QuantityResult:
     less downward readings; None without both. gauge_rr: None, and why, where its scheme does not
     apply. vertical: from which camber, caster or SAI is measured. in_place: trials of rear wheels
     that count from the thrust line, which is that with the trial in its wheel's place. unread:
-    wheels and trials of the references without a reading. coarser: step of all readings, which
+    wheels and trials of the references without a reading in this state, and points that were read
+    as found but not as left. coarser: step of all readings, which
     counts as their resolution where it is coarser than the declared one. notes: sentences.
     """
 
@@ -177,6 +178,15 @@ class Calibration:
         )
 
     @property
+    def not_read_again(self) -> tuple[CalibrationPoint, ...]:
+        """Points with a verdict as found of a quantity that was read as left, but not there."""
+        left = {(p.quantity, p.point) for one in self.final for p in one.points}
+        found = [p for one in self.results if one.state == "as found" for p in one.points]
+        return tuple(
+            p for p in found if p.verdict is not None and (p.quantity, p.point) not in left
+        )
+
+    @property
     def doubts(self) -> tuple[Doubt, ...]:
         """Notes by which references or readings of its points are in doubt, each once."""
         points = [point for result in self.results for point in result.points]
@@ -197,8 +207,15 @@ class Calibration:
 
     @property
     def decision(self) -> Decision | None:
-        """Worst verdict of the final results; None where no MPE is stated."""
-        return worst([point for result in self.final for point in result.points])
+        """Worst verdict of the final results; None where no MPE is stated.
+
+        A point that was not read again keeps its verdict as found, and says nothing of the item as
+        it was left: with one, it is undecided at best.
+        """
+        points = [point for result in self.final for point in result.points]
+        kept = self.not_read_again
+        found = worst([*points, *kept])
+        return "undecided" if kept and found == "conform" else found
 
 
 def worst(points: Sequence[CalibrationPoint]) -> Decision | None:

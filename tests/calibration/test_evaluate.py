@@ -21,14 +21,17 @@ from tests.support.calibration_bay import (
     minutes,
     tilted,
 )
+from wheelplane.batch.catalogue.calibration_row import calibration_row
 from wheelplane.calibration.calibrate import calibrate
 from wheelplane.calibration.evaluate import adjustments
 from wheelplane.calibration.forms.item import DecisionRule
+from wheelplane.calibration.forms.readings import Readings
 from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.calibration.records import Calibration, worst
 from wheelplane.calibration.reference import Reference
 from wheelplane.errors import Doubt
 from wheelplane.measurement import Evidence, align
+from wheelplane.report.dcc.conformity import overall
 from wheelplane.report.json.calibration import calibration_tree
 from wheelplane.report.json.measurement import doubts_tree
 from wheelplane.report.text.calibration import calibration_text
@@ -307,6 +310,48 @@ def test_as_left_less_as_found_leaves_the_reference_out():
         assert one.change.u < one.found.u
         own = 0.3 * math.sqrt(2.0 / 6.0)
         assert minutes(one.change.u) == pytest.approx(own, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("failed", "again", "decision"),
+    [
+        (True, False, "not conform"),
+        (True, True, "conform"),
+        (False, False, "undecided"),
+        (False, True, "conform"),
+    ],
+)
+def test_a_point_that_was_not_read_again_keeps_its_verdict_as_found(failed, again, decision):
+    """Nothing shows that it conforms as left; what was adjusted elsewhere says nothing of it."""
+    bay, tested = Bay(seed=5, trials=2), machine(toe=changed(TOE, zero=0.0, gain=0.0))
+    rows = bay.readings(tested).rows
+    left = [replace(one, state="as left", row=one.row + 99) for one in rows]
+    off = math.radians(0.5 * failed)
+    rows = [replace(one, value=one.value + off * (one.point == "FL")) for one in rows]
+    rows += [one for one in left if one.point in ("RR", "RL") or again]
+    done = calibrate([bay.reference(noisy=False)], item_of(tested), Readings("r", "", tuple(rows)))
+    assert done.decision_as_found == ("not conform" if failed else "conform")
+    assert done.decision == decision
+    names = () if again else ("FR", "FL", "1", "2")
+    assert tuple(one.point for one in done.not_read_again) == names
+    assert [one.unread for one in done.results] == [(), names]
+    assert calibration_tree(done)["quantities"][1]["unread"] == list(names)
+    assert ("Not read again as left" in calibration_text(done)) == (not again)
+    row = calibration_row(calibration_tree(done))
+    assert row.decision == decision
+    assert (row.worst > 1.0) == (decision == "not conform")
+    assert overall(done) == {"conform": "pass", "undecided": "conditionalPass"}.get(
+        decision, "fail"
+    )
+
+
+def test_an_axle_that_was_read_as_found_alone_is_named():
+    bay, tested = Bay(seed=5), machine(toe=None, total_toe=changed(TOE, axis=None, zero=0.0))
+    rows = bay.readings(tested).rows
+    left = [replace(one, state="as left") for one in rows if one.point == "front"]
+    done = calibrate([bay.reference()], item_of(tested), Readings("r", "", (*rows, *left)))
+    assert [one.unread for one in done.results] == [(), ("rear",)]
+    assert done.decision != "conform"
 
 
 @pytest.mark.parametrize(

@@ -22,9 +22,10 @@ class CalibrationRow:
     """Calibration of a machine.
 
     decision: conform, undecided, not conform; None without a maximum permissible error. points:
-    number in the state in which each quantity was left. worst: largest |error|/MPE of these, at the
-    quantity and point `worst_at`. error: why there are no results. as_found: decision on what was
-    adjusted since, before that; None where nothing was.
+    number in the state in which each quantity was left. worst: largest |error|/MPE of these, and of
+    those that were not read again as left, at the quantity and point `worst_at`. error: why there
+    are no results. as_found: decision on what was adjusted since, before that; None where nothing
+    was.
     """
 
     serial: str = ""
@@ -59,7 +60,7 @@ def _row(tree: Any) -> CalibrationRow:
             abs(point["error"][f"value_{unit}"]) / point[f"mpe_{unit}"],
             f"{kind} {point['point']}",
         )
-        for kind, point in found
+        for kind, point in [*found, *_not_read_again(tree, found)]
         for unit in ("deg", "m")
         if point.get(f"mpe_{unit}") is not None
     ]
@@ -84,6 +85,13 @@ def _storable(row: CalibrationRow) -> CalibrationRow:
     for text in (row.serial, row.maker, row.model, *decisions, row.worst_at, row.error):
         (text or "").encode()
     return row
+
+
+def _not_read_again(tree: Any, left: list[tuple[str, Any]]) -> list[tuple[str, Any]]:
+    """Return quantity and point of what was read as found alone, of quantities read as left."""
+    known = {(kind, point["point"]) for kind, point in left}
+    found = [(q["quantity"], point) for q in tree["quantities"] for point in q["points"]]
+    return [(kind, point) for kind, point in found if (kind, point["point"]) not in known]
 
 
 def final(tree: dict[str, Any]) -> list[dict[str, Any]]:

@@ -18,7 +18,12 @@ def conformity_of(point: CalibrationPoint) -> str:
 
 
 def overall(found: Calibration) -> str:
-    """Return the worst of the final results; empty where no MPE is stated."""
+    """Return the worst of the final results; empty where no MPE is stated.
+
+    Points that were not read again as left keep what they were as found; with one, it is no pass.
+    """
     points = [point for result in found.final for point in result.points]
+    points += found.not_read_again
     seen = {conformity_of(point) for point in points if point.verdict is not None}
-    return next((word for word in WORST if word in seen), "")
+    worst = next((word for word in WORST if word in seen), "")
+    return "conditionalPass" if worst == "pass" and found.not_read_again else worst

@@ -283,11 +283,23 @@ def adjustments_table(found: Calibration, writer: Writer) -> Table:
 
 
 def as_found(found: Calibration, words: Translations) -> list[str]:
-    """Return a sentence on the verdict before the adjustment; none where nothing was adjusted."""
+    """Return sentences on the verdict before the adjustment; none where nothing was adjusted."""
     before = found.decision_as_found
     if before is None:
         return []
-    return [words("calibration.found_says", found=decided(before, words).lower())]
+    return [
+        words("calibration.found_says", found=decided(before, words).lower()),
+        *not_read_again(found, words),
+    ]
+
+
+def not_read_again(found: Calibration, words: Translations) -> list[str]:
+    """Return a sentence on the points that were not read again as left; none without one."""
+    points = [
+        f"{quantity(one.quantity, words)} {point_name(one.point, one.quantity, words)}"
+        for one in found.not_read_again
+    ]
+    return [words("calibration.not_read_again", points=", ".join(points))] if points else []
 
 
 def rule_words(found: Calibration, words: Translations) -> str:

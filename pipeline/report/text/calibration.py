@@ -12,6 +12,7 @@ from ..tables.calibration import (
     budget_table,
     declared,
     gauge_rr_table,
+    not_read_again,
     points_table,
     reasons,
     rule_words,
@@ -41,6 +42,7 @@ def calibration_text(found: Calibration, view: View = PAPER) -> str:
             was = decided(before, words).upper()
             verdict = words("calibration.verdict_left", left=verdict, found=was)
         parts += ["", words("calibration.verdict", verdict=verdict)]
+        parts += map(paragraph, not_read_again(found, words))
     parts += [paragraph(rule_words(found, words)), paragraph(words("calibration.signs"))]
     parts += [paragraph(words("calibration.warning", text=text)) for text in found.warnings]
     parts += map(paragraph, doubted(found.doubts, words))
