@@ -99,8 +99,8 @@ def evaluate_quantity(
     shown = _step_of(readings, resolution)
     coarser = shown if shown > COARSER * resolution else None
     resolution = resolution if coarser is None else coarser
-    scatter = scatter_of(cells, of_levels, resolution)
-    known, budget = _references(values, scatter, resolution)
+    scatter = scatter_of(cells, of_levels, resolution, factors_of(levels))
+    known, budget = _references(values, levels, scatter, resolution)
     effects = [effect for _, effect in budget]
     used = [reference_of(references, series) for series, _ in levels]
 
@@ -308,6 +308,20 @@ def _where(series: str, operator: str, way: str) -> Wording:
     )
 
 
+def factors_of(levels: Sequence[Level]) -> tuple[tuple[int, ...], ...]:
+    """Return what levels share: the number of the series, and of the operator, of each level.
+
+    None where each level has its own of one of them, and of the other its own or the only one.
+    Where each series has one operator, or the reverse, the one alone that is common to several.
+    """
+    numbers = []
+    for names in zip(*levels, strict=True):
+        known = list(dict.fromkeys(names))
+        if 1 < len(known) < len(levels):
+            numbers.append(tuple(known.index(name) for name in names))
+    return tuple(numbers)
+
+
 def _label(level: Level, levels: Sequence[Level]) -> str:
     """Return the name of a level; with its operator where one is stated."""
     series, operator = level
@@ -328,14 +342,14 @@ def _reference_values(
 
 
 def _references(
-    values: list[list[Estimate]], scatter: Scatter, resolution: float
+    values: list[list[Estimate]], levels: list[Level], scatter: Scatter, resolution: float
 ) -> tuple[list[Estimate], list[tuple[Origin, Effect]]]:
     """Return the mean reference value of every point, and the budget of the errors.
 
     Several references, one a series: what is stated (type B) counts as common to all of them, so
     that their mean has no less of it; what scatters from one to the other, as the noise of a scan,
-    is in the scatter of the errors between series, and in that budget only there. Where operators
-    share the reference of a series, their levels do not show it: it is in the budget, too.
+    is in the scatter of the errors between series, and in that budget only there. Where series
+    share a reference, theirs does not show all of it: it is in the budget, too.
     """
     distinct = [v for k, v in enumerate(values) if v[0] not in [w[0] for w in values[:k]]]
     count = len(distinct)
@@ -353,7 +367,7 @@ def _references(
     )
     rows = zip(mean.tolist(), np.eye(len(mean)), strict=True)
     known = [estimate(value, row, [*stated, *drawn]) for value, row in rows]
-    if count < len(values):
+    if count < len({series for series, _ in levels}):
         stated += drawn
     return known, [*(("reference", effect) for effect in stated), *of_readings]
 

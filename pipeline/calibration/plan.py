@@ -22,6 +22,7 @@ from .line import characteristic
 from .records import Origin
 from .reference import Reference, joint_effects
 from .scatter import (
+    Between,
     deviation_with,
     difference_effects,
     mean_effects,
@@ -178,9 +179,10 @@ def planned_set(kind: str, plan: Plan, item: Item, reference: Reference) -> Plan
         for each in (deviation, whole)
     )
     rest = deviation**2 / in_cell + max(0.0, own - shared)
-    squares = None if plan.series == 1 else (count * between**2 + rest, rest)
+    each = Between(plan.series, count * between**2 + rest, rest)
+    squares = [] if plan.series == 1 else [each]
     spread = np.full(count, 1.0 / (in_cell * plan.series))
-    readings = mean_effects(spread, deviation, dof, plan.series, squares, shared)
+    readings = mean_effects(spread, deviation, dof, squares, shared)
     budget: list[tuple[Origin, Effect]] = [("reference", one) for one in joint_effects(known)]
     budget += [("readings", one) for one in readings]
     effects = [effect for _, effect in budget]

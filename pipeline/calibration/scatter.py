@@ -20,6 +20,16 @@ LEVEL, NEGLIGIBLE = 0.95, 1e-6
 UNLIKE = 1e-3  # probability below which the scatter of a point is not that of the others
 OF_MEDIAN = 0.4  # part of the degrees of freedom that a median of variances has
 WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
+Factors = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class Between:
+    """Mean squares of P points by L levels, per cell mean: of levels, and of point by level."""
+
+    levels: int
+    common: float
+    rest: float
 
 
 @dataclass(frozen=True)
@@ -28,7 +38,9 @@ class Scatter:
 
     means: (P, L, D) mean error of each cell; counts: (P, L, D) numbers of readings; squares: (P,)
     sums of squares about the cells' means, and dofs: (P,) their degrees of freedom. alike: (P,)
-    points whose readings scatter alike; of others, each has a deviation of its own.
+    points whose readings scatter alike; of others, each has a deviation of its own. factors: of
+    levels that share something, as all series of an operator and all operators of a series do, the
+    number (L,) of what each shares; none where levels are independent.
     """
 
     means: Array
@@ -36,6 +48,7 @@ class Scatter:
     squares: Array
     dofs: Array
     alike: Mask
+    factors: Factors = ()
 
     @property
     def dof(self) -> float:
@@ -61,14 +74,8 @@ class Scatter:
         Mean squares of the two-way table of P points by L levels, per cell mean:
         P sum (m.l - m..)^2 / (L - 1), and that of the interaction; of points that scatter alike.
         """
-        cells = self.means[self.alike].mean(axis=2)
-        points, levels = cells.shape
-        of_levels = cells.mean(axis=0)
-        common = points * float(np.var(of_levels, ddof=1))
-        if points == 1:
-            return common, 0.0
-        rest = cells - cells.mean(axis=1, keepdims=True) - of_levels + cells.mean()
-        return common, float(np.sum(rest**2)) / ((points - 1) * (levels - 1))
+        found = mean_squares(self.means[self.alike].mean(axis=2))
+        return found.common, found.rest
 
     @property
     def variances(self) -> Array:
@@ -93,11 +100,10 @@ class Scatter:
         that of readings which scatter as those of all levels do, since levels that lie tau apart
         share B(0) of the variance sigma^2 + tau^2 (`rounding_covariance`).
         """
-        levels = self.means.shape[1]
-        between = self.between_levels() if levels > 1 else None
+        between = squares_by_factor(self.means[self.alike].mean(axis=2), self.factors)
         spread, rounding = self._spread(), self._rounding(resolution)
         pooled = spread[self.alike]
-        found = mean_effects(pooled, self.deviation, self.dof, levels, between, rounding)
+        found = mean_effects(pooled, self.deviation, self.dof, between, rounding)
         return [*(self._on_all(effect) for effect in found), *self._of_others(spread)]
 
     def _on_all(self, effect: Effect) -> Effect:
@@ -116,12 +122,17 @@ class Scatter:
         found = []
         levels = self.means.shape[1]
         by_level = deviations_by_level(self.means)
+        groups = self.factors or (tuple(range(levels)),)
+        by_group = [_averaged(by_level, each) for each in groups]
         for point in np.flatnonzero(~self.alike).tolist():
             dof = float(self.dofs[point])
             variance = self.squares[point] / max(dof, 1.0) * spread[point]
             if levels > 1:
-                dof = levels - 1.0
-                variance = max(variance, float(np.sum(by_level[point] ** 2)) / dof / levels)
+                dofs = [each.shape[1] - 1.0 for each in by_group]
+                squares = [float(np.sum(each[point] ** 2)) for each in by_group]
+                dof = min(dofs)
+                each = zip(squares, dofs, strict=True)
+                variance = max(variance, sum(s / nu / (nu + 1.0) for s, nu in each))
             own = np.zeros((len(spread), 1))
             own[point] = math.sqrt(variance)
             found.append(Effect(REPEATABILITY, own, dof, False))
@@ -221,8 +232,7 @@ def mean_effects(
     spread: Array,
     deviation: float,
     dof: float,
-    levels: int,
-    between: tuple[float, float] | None,
+    between: Sequence[Between],
     rounding: float,
 ) -> list[Effect]:
     """Return the effects of readings on P mean errors; factors (P, k).
@@ -230,22 +240,87 @@ def mean_effects(
     spread: (P,) variances of the means for readings of unit variance. rounding: variance that the
     rounding leaves in each. One level: the pooled repeatability of each mean. Several: the mean
     squares `between` of the two-way table, which hold repeatability as well; the covariance of the
-    points' means is MS_PL/L (I - 11'/P) + MS_L/L 11'/P. Source: ISO 5725-2, 7.4; JCGM 100, H.5.
+    points' means is MS_PL/L (I - 11'/P) + MS_L/L 11'/P, the sum of such where levels share series
+    and operators. Source: ISO 5725-2, 7.4; JCGM 100, H.5.
     """
     points = len(spread)
     rounded = Effect(
         RESOLUTION, math.sqrt(rounding) * np.eye(points), math.inf, False, uniform=True
     )
-    if between is None:
+    if not between:
         factor = np.diag(deviation * np.sqrt(spread))
         return [Effect(REPEATABILITY, factor, dof, False), rounded]
-    common, rest = between
-    equal = np.full((points, 1), math.sqrt(common / levels / points))
-    found = [Effect(REPRODUCIBILITY, equal, levels - 1.0, False), rounded]
-    if points > 1:
-        across = math.sqrt(rest / levels) * (np.eye(points) - 1.0 / points)
-        found.insert(0, Effect(REPEATABILITY, across, (points - 1.0) * (levels - 1.0), False))
-    return found
+    own, common = [], []
+    for one in between:
+        dof = one.levels - 1.0
+        equal = np.full((points, 1), math.sqrt(one.common / one.levels / points))
+        common.append(Effect(REPRODUCIBILITY, equal, dof, False))
+        if points > 1:
+            across = math.sqrt(one.rest / one.levels) * (np.eye(points) - 1.0 / points)
+            own.append(Effect(REPEATABILITY, across, (points - 1.0) * dof, False))
+    return [*own, *common, rounded]
+
+
+def mean_squares(cells: Array) -> Between:
+    """Return the mean squares of a table (P, L) of cell means."""
+    points, levels = cells.shape
+    of_levels = cells.mean(axis=0)
+    common = points * float(np.var(of_levels, ddof=1))
+    if points == 1:
+        return Between(levels, common, 0.0)
+    rest = float(np.sum(_by_point_and_level(cells) ** 2))
+    return Between(levels, common, rest / ((points - 1) * (levels - 1)))
+
+
+def squares_by_factor(cells: Array, factors: Factors) -> list[Between]:
+    """Return the mean squares of a table (P, L) by each factor of its levels; none of one level.
+
+    Of two crossed factors the variance of the mean is MS_A/(n_A) + MS_B/(n_B) less that of their
+    interaction, MS_AB/(n_A n_B), which either holds as it holds the repeatability; both are made
+    smaller by the same share, their sum no less than either. Source: Cornfield and Tukey, Ann.
+    Math. Stat. 27 (1956) 907.
+    """
+    points, levels = cells.shape
+    if levels == 1:
+        return []
+    if not factors:
+        return [mean_squares(cells)]
+    found = [mean_squares(_averaged(cells, each)) for each in factors]
+    dof = math.prod(one.levels - 1 for one in found)
+    if len(found) == 1 or math.prod(one.levels for one in found) > levels:
+        return found
+    of_levels, own = cells.mean(axis=0, keepdims=True), _by_point_and_level(cells)
+    common = points * _interaction(of_levels, factors) / dof / levels
+    rest = _interaction(own, factors) / dof / levels / max(1, points - 1)
+    shares = [_share([one.common / one.levels for one in found], common),
+              _share([one.rest / one.levels for one in found], rest)]  # fmt: skip
+    return [Between(one.levels, one.common * shares[0], one.rest * shares[1]) for one in found]
+
+
+def _share(variances: Sequence[float], twice: float) -> float:
+    """Return the share that is left of a sum of variances of which all hold one part."""
+    total = sum(variances)
+    return max(total - twice, *variances) / total if total > 0.0 else 1.0
+
+
+def _interaction(table: Array, factors: Factors) -> float:
+    """Return the sum of squares of a table (P, L) beyond the means by each of two factors."""
+    left = table + table.mean(axis=1, keepdims=True)
+    for each in factors:
+        left = left - _averaged(table, each)[:, list(each)]
+    return float(np.sum(left**2))
+
+
+def _averaged(table: Array, factor: Sequence[int]) -> Array:
+    """Return the means (P, G) of a table (P, L) over the levels of each number of a factor."""
+    numbers = np.array(factor)
+    groups = range(int(numbers.max()) + 1)
+    return np.stack([table[:, numbers == one].mean(axis=1) for one in groups], axis=1)
+
+
+def _by_point_and_level(cells: Array) -> Array:
+    """Return what a table (P, L) leaves of the means of its points and levels."""
+    return np.asarray(cells - cells.mean(axis=1, keepdims=True) - cells.mean(axis=0) + cells.mean())
 
 
 def difference_effects(
@@ -322,10 +397,12 @@ def scatter_of(
     cells: Sequence[Sequence[Sequence[Sequence[float]]]],
     references: Array | float = 0.0,
     resolution: float = 0.0,
+    factors: Factors = (),
 ) -> Scatter:
     """Return the scatter of readings by point, level and direction, each cell with one or more.
 
-    references: (P, L) or one of all, of which the errors are. resolution: of the readings.
+    references: (P, L) or one of all, of which the errors are. resolution: of the readings. factors:
+    of the levels.
     """
     shown = np.array([[[np.mean(c) for c in level] for level in point] for point in cells])
     counts = np.array([[[len(c) for c in level] for level in point] for point in cells], float)
@@ -335,7 +412,7 @@ def scatter_of(
     ]
     means = shown - np.asarray(references)[..., None]
     dofs = (counts - 1.0).sum(axis=(1, 2))
-    found = Scatter(means, counts, np.array(squares), dofs, np.ones(len(dofs), bool))
+    found = Scatter(means, counts, np.array(squares), dofs, np.ones(len(dofs), bool), factors)
     return replace(found, alike=_alike(found, resolution))
 
 

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from wheelplane.calibration.evaluate import factors_of
 from wheelplane.calibration.scatter import (
     REPRODUCIBILITY,
     RESOLUTION,
@@ -93,6 +94,76 @@ def test_a_machine_without_scatter_keeps_its_resolution_beside_a_misread_value()
     values[3, 0, 0, 1] = 19.0
     found = scatter_of(cells(values), 0.0, 1.0)
     assert np.sqrt(variance(found, 1.0)[0, 0]) == pytest.approx(math.sqrt(1.0 / 12.0))
+
+
+CROSSED = {
+    (series, operators): [(str(s), str(o)) for s in range(series) for o in range(operators)]
+    for series, operators in ((3, 3), (4, 2), (2, 4))
+}
+NESTED = [("0", "0"), ("1", "0"), ("2", "1"), ("3", "1")]  # each series by one operator
+
+
+@pytest.mark.parametrize(
+    ("levels", "of_series", "of_operators", "least"),
+    [
+        (CROSSED[3, 3], 1.0, 1.0, 0.95),
+        (CROSSED[3, 3], 0.0, 0.0, 0.95),
+        (CROSSED[4, 2], 0.0, 1.0, 0.87),  # nearly all from one degree of freedom
+        (CROSSED[2, 4], 1.0, 0.0, 0.87),
+        (NESTED, 0.0, 1.0, 0.87),
+    ],
+)
+def test_what_series_and_operators_share_is_covered(levels, of_series, of_operators, least):
+    """What all series of an operator share does not average out over them, nor the reverse."""
+    rng, count, points = np.random.default_rng(1), 300, 3
+    series, operators = np.array(levels, int).T
+    covered, squares = [], []
+    for _ in range(count):
+        shared = of_series * rng.normal(size=9)[series]
+        shared = shared + of_operators * rng.normal(size=9)[operators]
+        values = 0.2 * rng.normal(size=(points, len(levels), 1, 3)) + shared[:, None, None]
+        found = scatter_of(values.tolist(), 0.0, 0.0, factors_of(levels))
+        known = estimate(0.0, np.eye(points)[0], found.effects(0.0))
+        covered.append(abs(found.errors[0]) <= known.expanded)
+        squares.append((known.u**2, found.errors[0] ** 2))
+    spread = 3.0 * math.sqrt(least * (1.0 - least) / count)
+    assert np.mean(covered) > least - spread
+    stated, seen = np.mean(squares, axis=0)
+    assert 0.75 < stated / seen < 1.7
+
+
+@pytest.mark.parametrize(
+    ("levels", "expected"),
+    [
+        ([("1", "")], ()),
+        ([("1", ""), ("2", "")], ()),
+        ([("1", "a"), ("1", "b")], ()),
+        ([("1", "a"), ("2", "b")], ()),
+        ([("1", "a"), ("2", "a"), ("3", "b")], ((0, 0, 1),)),
+        ([("1", "a"), ("1", "b"), ("2", "c")], ((0, 0, 1),)),
+        ([("1", "a"), ("1", "b"), ("2", "a"), ("2", "b")], ((0, 0, 1, 1), (0, 1, 0, 1))),
+    ],
+)
+def test_levels_share_what_several_of_them_have_in_common(levels, expected):
+    assert factors_of(levels) == expected
+
+
+def test_two_crossed_factors_without_effect_state_the_repeatability_once():
+    rng, points = np.random.default_rng(2), 300
+    found = scatter_of(
+        rng.normal(size=(points, 9, 1, 2)).tolist(), 0.0, 0.0, factors_of(CROSSED[3, 3])
+    )
+    own = sum(np.sum(e.factor[0] ** 2) for e in found.effects(0.0) if e.name != REPRODUCIBILITY)
+    assert own == pytest.approx(1.0 / 18.0, rel=5.0 * math.sqrt(2.0 / 600.0))
+
+
+def test_a_point_that_scatters_alone_has_the_scatter_between_its_operators():
+    levels = CROSSED[4, 2]
+    values = np.random.default_rng(3).normal(scale=1e-3, size=(8, 8, 1, 2))
+    values[2, [int(o) == 1 for _, o in levels]] += 1.0
+    found = scatter_of(values.tolist(), 0.0, 0.0, factors_of(levels))
+    assert np.flatnonzero(~found.alike).tolist() == [2]
+    assert math.sqrt(variance(found)[2, 2]) == pytest.approx(0.5, rel=0.01)  # 1/2 to each side
 
 
 @pytest.mark.slow
