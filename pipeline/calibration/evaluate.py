@@ -234,7 +234,12 @@ def _scattered(
     rows = [one for one in readings if one.point == point]
     farthest = max(rows, key=lambda one: abs(one.value - centre))
     unit = farthest.unit
-    own = math.sqrt(scatter.squares[index] / scatter.dofs[index])
+    if scatter.dofs[index] and scatter.dof:
+        own = math.sqrt(scatter.squares[index] / scatter.dofs[index])
+        others = scatter.deviation
+    else:  # single readings: their scatter between levels
+        own = math.sqrt(scatter.variances[index])
+        others = math.sqrt(float(scatter.variances[scatter.alike].mean()))
     return Doubt(
         SCATTERED,
         kind=farthest.quantity,
@@ -242,7 +247,7 @@ def _scattered(
         point=point,
         trial=point,
         own=_text(own, unit),
-        others=_text(scatter.deviation, unit),
+        others=_text(others, unit),
         row=farthest.row,
         value=_text(farthest.value, unit),
     )

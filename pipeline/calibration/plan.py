@@ -26,8 +26,8 @@ from .scatter import (
     deviation_with,
     difference_effects,
     mean_effects,
+    rounding_by_level,
     rounding_covariance,
-    rounding_of_means,
 )
 
 CONFIDENCE, POWER = 0.95, 0.95
@@ -188,10 +188,12 @@ def planned_set(kind: str, plan: Plan, item: Item, reference: Reference) -> Plan
     effects = [effect for _, effect in budget]
     line = characteristic(points, known, np.zeros(count), budget)
     hysteresis = None
-    if plan.directions and dof > 0.0:
-        differences = np.full(count, apart)
-        of_both = rounding_of_means(differences, deviation, whole, resolution, plan.series)
-        difference = difference_effects(4.0 * spread, deviation, dof, of_both)
+    if plan.directions and (dof > 0.0 or plan.series > 1):
+        common, alone = rounding_by_level(np.full(count, apart), deviation, whole, resolution)
+        of_one = 4.0 * deviation**2 / in_cell + alone
+        table = [] if plan.series == 1 else [Between(plan.series, of_one, of_one)]
+        of_both = common + (0.0 if table else alone)
+        difference = difference_effects(4.0 * spread, deviation, dof, table, of_both)
         hysteresis = estimate(0.0, np.full(count, 1.0 / count), difference)
     errors = tuple(estimate(0.0, row, effects) for row in np.eye(count))
     return PlannedSet(tuple(points), tuple(known), errors, line.zero, line.sensitivity, hysteresis)

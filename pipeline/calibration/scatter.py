@@ -183,25 +183,33 @@ class Scatter:
     def hysteresis(self, resolution: float) -> tuple[Array, list[Effect]]:
         """Return upward less downward means of D = 2 directions, and the effects on them.
 
-        Of the points that scatter alike.
+        Of the points that scatter alike. With several levels their differences show how they
+        scatter, the rounding that differs from one level to the next included; where they do not
+        show all of that, as of few differences that are alike by chance, the rest of it counts.
         """
         levels, means = self.means.shape[1], self.means[self.alike]
-        differences = (means[:, :, 0] - means[:, :, 1]).mean(axis=1)
+        by_level = means[:, :, 0] - means[:, :, -1]
+        differences = by_level.mean(axis=1)
         spread = (1.0 / self.counts[self.alike]).sum(axis=(1, 2)) / levels**2
         whole = math.sqrt(float(self.variances[self.alike].mean()))
-        rounding = rounding_of_means(differences, self.deviation, whole, resolution, levels)
-        return differences, difference_effects(spread, self.deviation, self.dof, rounding)
+        shared, own = rounding_by_level(differences, self.deviation, whole, resolution)
+        between = squares_by_factor(by_level, self.factors)
+        if between:
+            table = mean_squares(by_level)
+            own = max(0.0, own - (table.rest if len(by_level) > 1 else table.common))
+        rounding = shared + own / levels
+        return differences, difference_effects(spread, self.deviation, self.dof, between, rounding)
 
 
-def rounding_of_means(
-    differences: Array, deviation: float, whole: float, step: float, levels: int
-) -> float:
-    """Return the variance of the rounding of P differences, each the mean of those of `levels`.
+def rounding_by_level(
+    differences: Array, deviation: float, whole: float, step: float
+) -> tuple[float, float]:
+    """Return the variance of the rounding of P differences that levels share, and of each alone.
 
     deviation: of the readings of one level, whole: of those of all, whose rounding levels share.
     """
     own, shared = (rounding_of_differences(differences, each, step) for each in (deviation, whole))
-    return shared + max(0.0, own - shared) / levels
+    return shared, max(0.0, own - shared)
 
 
 def deviation_with(deviation: float, step: float, between: float) -> float:
@@ -324,16 +332,17 @@ def _by_point_and_level(cells: Array) -> Array:
 
 
 def difference_effects(
-    spread: Array, deviation: float, dof: float, rounding: float
+    spread: Array, deviation: float, dof: float, between: Sequence[Between], rounding: float
 ) -> list[Effect]:
     """Return the effects of readings on P differences of directions.
 
-    spread: (P,) variances of the differences for readings of unit variance. rounding: variance that
-    the rounding of both directions leaves in each.
+    spread: (P,) variances of the differences for readings of unit variance. between: mean squares
+    of the differences by levels, as of `mean_effects`. rounding: variance that the rounding of both
+    directions leaves in each.
     """
     own = math.sqrt(rounding / 2.0) * np.eye(len(spread))
     return [
-        Effect(REPEATABILITY, np.diag(deviation * np.sqrt(spread)), dof, False),
+        *mean_effects(spread, deviation, dof, between, 0.0)[:-1],
         Effect(RESOLUTION, np.hstack([own, -own]), math.inf, False, uniform=True),
     ]
 

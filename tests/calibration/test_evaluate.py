@@ -259,6 +259,19 @@ def test_errors_against_several_references_are_covered(operators, series):
     assert np.mean(np.abs(ratios) <= 1.0) > 0.85
 
 
+def test_single_readings_in_several_series_have_a_hysteresis_and_notes_with_numbers():
+    bay, tested = Bay(seed=2), machine(protocol=Protocol(series=3, repeats=1))
+    sound = bay.readings(tested)
+    (result,) = calibrate([bay.reference()], item_of(tested), sound).results
+    assert 0.0 < result.hysteresis.u < result.hysteresis.expanded < math.inf
+    at = next(k for k, one in enumerate(sound.rows) if one.point == "RL")
+    wrong = replace(sound.rows[at], value=sound.rows[at].value + math.radians(1.0))
+    spoilt = replace(sound, rows=(*sound.rows[:at], wrong, *sound.rows[at + 1 :]))
+    (doubt,) = calibrate([bay.reference()], item_of(tested), spoilt).doubts
+    assert "the readings at RL scatter by" in doubt
+    assert "nan" not in doubt
+
+
 def test_hysteresis_is_no_repeatability_of_a_gauge():
     """The study is the same whatever the machine's hysteresis."""
     protocol = Protocol(operators=("A", "B", "C"), directions=True)

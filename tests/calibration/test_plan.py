@@ -8,7 +8,16 @@ import math
 import numpy as np
 import pytest
 
-from tests.support.calibration_bay import CAMBER, TOE, Bay, Protocol, changed, item_of, machine
+from tests.support.calibration_bay import (
+    CAMBER,
+    TOE,
+    Bay,
+    Protocol,
+    changed,
+    item_of,
+    machine,
+    minutes,
+)
 from tests.support.paths import CONFIGS
 from wheelplane.calibration.calibrate import calibrate
 from wheelplane.calibration.forms.plan_file import PLAN_FORM, Plan, PlannedQuantity, load_plan
@@ -56,6 +65,17 @@ def test_the_planned_uncertainties_are_those_of_calibrations(series):
             assert result.hysteresis.dof == known.hysteresis.dof == 48.0
     mean = np.mean(squares, axis=0)
     np.testing.assert_allclose(mean, 1.0, atol=4.0 * math.sqrt(2.0 / 3.0 / 60.0))
+
+
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_a_hysteresis_of_several_series_is_planned_from_their_scatter(repeats):
+    """Of single readings, too: u is that of the readings, its degrees of freedom of the series."""
+    plan = PLAN.model_copy(update={"series": 3, "repeats": repeats})
+    reference = Bay(seed=1).reference()
+    set_ = planned_set("toe", plan, ITEM, reference)
+    readings = len(set_.points) * plan.series * repeats
+    assert minutes(set_.hysteresis.u) == pytest.approx(0.3 * math.sqrt(2.0 / readings), rel=0.05)
+    assert set_.hysteresis.dof == pytest.approx(2.0, rel=0.1)
 
 
 @pytest.mark.slow

@@ -302,8 +302,37 @@ def test_hysteresis_is_the_mean_difference_of_directions():
     np.testing.assert_allclose(
         differences, (values[:, :, 0] - values[:, :, 1]).mean(axis=(1, 2)), rtol=1e-12
     )
-    u = math.sqrt(np.sum((effects[0].factor.T @ np.full(6, 1 / 6)) ** 2))
-    assert u == pytest.approx(found.deviation * math.sqrt(2.0 / 36.0))
+    of_levels = (values[:, :, 0] - values[:, :, 1]).mean(axis=(0, 2))
+    known = estimate(0.0, np.full(6, 1.0 / 6.0), effects)
+    assert known.u == pytest.approx(of_levels.std(ddof=1) / math.sqrt(2.0))
+    assert known.dof == pytest.approx(1.0)
+    alone = scatter_of(cells(values[:, :1]))
+    known = estimate(0.0, np.full(6, 1.0 / 6.0), alone.hysteresis(0.0)[1])
+    assert known.u == pytest.approx(alone.deviation * math.sqrt(2.0 / 18.0))
+
+
+@pytest.mark.parametrize(
+    ("common", "own", "count"), [(0.0, 0.0, 3), (0.5, 0.0, 3), (0.0, 0.5, 3), (0.5, 0.5, 1)]
+)
+def test_a_hysteresis_that_differs_from_series_to_series_is_covered(common, own, count):
+    """Of all points alike, and of each; single readings as well, which nothing else shows."""
+    rng, covered, draws = np.random.default_rng(13), [], 300
+    half = np.array([0.5, -0.5]).reshape(1, 1, 2, 1)
+    for _ in range(draws):
+        apart = 1.0 + common * rng.normal(size=(1, 3, 1, 1)) + own * rng.normal(size=(6, 3, 1, 1))
+        values = half * apart + 0.2 * rng.normal(size=(6, 3, 2, count))
+        differences, effects = scatter_of(cells(values)).hysteresis(0.0)
+        mean = np.full(len(differences), 1.0 / len(differences))
+        known = estimate(float(differences.mean()), mean, effects)
+        covered.append(abs(known.value - 1.0) <= known.expanded)
+    assert abs(np.mean(covered) - 0.95) < 3.0 * math.sqrt(0.95 * 0.05 / draws)
+
+
+def test_rounded_hystereses_that_are_alike_by_chance_keep_their_rounding():
+    """Three series that show the same in whole steps do not show the part of one beyond it."""
+    found = scatter_of(np.ones((1, 3, 2, 2)).tolist(), 0.0, 1.0)
+    known = estimate(0.0, np.ones(1), found.hysteresis(1.0)[1])
+    assert known.u == pytest.approx(math.sqrt(2.0 / 12.0))
 
 
 @pytest.mark.parametrize("own", [0.0, 0.1, 0.3])
