@@ -71,7 +71,10 @@ SCATTERED = (
     "{others}, which chance does not explain: look at row {row}, {value}, the farthest from the "
     "others there, and correct it, or read the point again."
 )
-OF_A_SCAN = ("plane noise", "centre noise")  # effects of noise in one scan, however well known
+# Effects of noise in one scan, or of one survey by a total station, however well known.
+OF_A_SCAN = (
+    "plane noise", "centre noise", "surface noise", "range noise", "angle noise", "aiming",
+)  # fmt: skip
 NEGLIGIBLE = 1e-9  # share of a variance that a budget leaves out
 Level = tuple[str, str]  # series and operator
 Budget = Sequence[tuple[Origin, Effect]]

@@ -21,6 +21,8 @@ from tests.support.calibration_bay import (
     minutes,
     tilted,
 )
+from tests.support.validation_cars import TM30
+from tests.support.validation_cars import stated as station_of
 from wheelplane.batch.catalogue.calibration_row import calibration_row
 from wheelplane.calibration.calibrate import calibrate
 from wheelplane.calibration.evaluate import adjustments
@@ -30,6 +32,7 @@ from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.calibration.records import Calibration, worst
 from wheelplane.calibration.reference import Reference
 from wheelplane.errors import Doubt
+from wheelplane.five_point import FivePointFile, Station, measure_five_point
 from wheelplane.measurement import Evidence, align
 from wheelplane.report.dcc.conformity import overall
 from wheelplane.report.json.calibration import calibration_tree
@@ -243,6 +246,43 @@ def test_the_same_value_again_and_again_shows_no_step():
     rows = tuple(replace(one, value=value) for one in sound.rows)
     (result,) = calibrate([bay.reference()], item_of(tested), replace(sound, rows=rows)).results
     assert result.coarser is None
+
+
+@pytest.mark.parametrize(
+    "noise", ["plane noise", "surface noise", "range noise", "angle noise", "aiming"]
+)
+def test_noise_of_a_survey_is_drawn_anew_in_each_reference(noise):
+    bay, tested = Bay(seed=5), machine(protocol=Protocol(series=3))
+    several = [named(bay.reference(str(k)), noise) for k in range(1, 4)]
+    readings = bay.readings(tested)
+    (result,) = calibrate(several, item_of(tested), readings).results
+    assert {line.origin for line in result.points[0].budget} == {"readings"}
+    common = [named(one, "range bias") for one in several]
+    (result,) = calibrate(common, item_of(tested), readings).results
+    assert {line.origin for line in result.points[0].budget} == {"readings", "reference"}
+
+
+def test_errors_against_several_surveys_by_a_total_station_are_as_large_as_stated():
+    """Each with noise and aiming of its own: u is neither twice the error nor half of it."""
+    toe = changed(TOE, zero=0.0, gain=0.0, hysteresis=0.0, repeatability=0.05, resolution=0.01)
+    tested, squares = machine(toe=toe, protocol=Protocol(series=4)), []
+    for seed in range(16):
+        bay = Bay(seed=seed, trials=0)
+        readings = bay.readings(tested)
+        surveys = [bay.car.blocks() for _ in range(4)]
+        references = [
+            Reference(
+                measure_five_point(
+                    FivePointFile(blocks, "f", "", ()), Station(station_of(TM30), place)
+                ),
+                str(k),
+            )
+            for k, (blocks, place) in enumerate(surveys, 1)
+        ]
+        (result,) = calibrate(references, item_of(tested), readings).results
+        squares += [(p.error.u**2, p.error.value**2) for p in result.points]
+    of_u, of_error = np.mean(squares, axis=0)
+    assert 0.4 < of_u / of_error < 2.5
 
 
 @pytest.mark.parametrize(("operators", "series"), [((), 3), (("A", "B", "C"), 2)])
