@@ -14,13 +14,13 @@ from .records import Estimate, Measurement, Vertical
 
 
 def estimate(value: float, slope: Array, effects: Sequence[Effect], u_own: float = 0.0) -> Estimate:
-    """Return a value with its uncertainty by all effects on its inputs.
+    """Return a value with its uncertainty by all effects on its inputs; exact where there are none.
 
     slope: (K,) by the inputs on which the effects act. u_own: a part of u that no input causes.
     Source: JCGM 100, 5.2 and G.4.
     """
     shares = [np.atleast_1d(np.sum((slope @ effect.factor) ** 2)) for effect in effects]
-    total = np.sum(np.stack(shares), axis=0) + u_own**2
+    total = (np.sum(np.stack(shares), axis=0) if shares else np.zeros(1)) + u_own**2
     dof = effective_dof(effects, shares, total)
     known, u = tuple(effects), math.sqrt(float(total[0]))
     rectangles = [float(np.max(np.abs(slope @ e.factor))) for e in effects if e.uniform]

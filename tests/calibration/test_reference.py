@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 
 from tests.support.calibration_bay import CAMBER, TOE, Bay, changed, item_of, machine, tilted
 from wheelplane.calibration.calibrate import calibrate
+from wheelplane.calibration.forms.readings import Reading, Readings
 from wheelplane.calibration.reference import Reference, joint_effects, reference_of
+from wheelplane.five_point import FivePointFile, measure_five_point
 from wheelplane.measurement import stated
 from wheelplane.report.json.calibration import calibration_tree
 from wheelplane.report.text.calibration import calibration_text
@@ -222,3 +225,25 @@ def test_a_machine_that_sees_the_trial_in_its_place_has_the_errors_that_it_was_m
     assert sentence in " ".join(calibration_text(found).split())
     (tree,) = calibration_tree(found)["quantities"]
     assert tree["thrust_line_by_trial"] == ["1", "2"]
+
+
+def test_a_reference_of_exactly_flat_blocks_has_no_uncertainty_of_its_own():
+    """Nothing scatters and no station is stated: the readings alone are uncertain."""
+    pentagon = np.array([[0, 0, 2], [0, 2, 1], [0, 1, -2], [0, -1, -2], [0, -2, 1]]) / 16.0
+    centres = np.array([[1.5, 0, 0], [0, 0, 0], [1.5, 2.75, 0], [0, 2.75, 0]])
+    blocks = centres[:, None] + pentagon
+    reference = Reference(measure_five_point(FivePointFile(blocks, "flat", "", ())))
+    item = item_of(machine())
+    found = reference.value("toe", "RR", item.item)
+    assert (found.value, found.u, found.dof) == (0.0, 0.0, math.inf)
+    rows = [
+        Reading(name, "toe", value, "deg", "1", k, "", "as found", "", row)
+        for row, (name, (k, value)) in enumerate(
+            itertools.product(("RR", "RL", "FR", "FL"), ((1, 1e-4), (2, 2e-4))), 2
+        )
+    ]
+    (result,) = calibrate([reference], item, Readings("r", "", tuple(rows))).results
+    for point in result.points:
+        assert point.error.value == pytest.approx(1.5e-4)
+        assert point.error.u > 0.0
+        assert {line.origin for line in point.budget} == {"readings"}
