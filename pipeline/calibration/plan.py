@@ -162,8 +162,17 @@ class PlannedSet:
 
 
 def planned_set(kind: str, plan: Plan, item: Item, reference: Reference) -> PlannedSet:
-    """Return the uncertainties that a calibration at all points of a reference would state."""
+    """Return the uncertainties that a calibration at all points of a reference would state.
+
+    Raises ValueError where the reference has no point of the quantity.
+    """
     points = reference.points(kind, item)
+    if not points:
+        axis = item.declared()[kind].axis
+        raise ValueError(
+            f"plan.{kind}: the reference has no point of it; from axis = {str(axis)!r} of the item "
+            f"file it may be zero by definition: declare another axis, or leave out [plan.{kind}]"
+        )
     values = [reference.value(kind, point, item) for point in points]
     known = [one for one in values if isinstance(one, Estimate)]
     deviation = plan.value(kind, "repeatability", item) or 0.0

@@ -27,7 +27,7 @@ def planned_reference(
     Toe and camber run through their ranges in opposite ways, and the trials over the wheels
     (`_wheels`). Noise is that of the scanner's file, independent from point to point; the centre is
     known as well as the spacing of the points shows an edge. Raises ValueError for what the files
-    do not state.
+    do not state, and for points too far apart for the target.
     """
     sigma_m = config.instrument.range_sigma_m
     if isinstance(target, WheelTarget):
@@ -102,10 +102,18 @@ def _target(
 
 
 def _plane(target: Target, spacing: float, sigma_m: float) -> Array:
-    """Return the covariance (3, 3) of height and slopes of a plane through a grid of points."""
+    """Return the covariance (3, 3) of height and slopes of a plane through a grid of points.
+
+    Raises ValueError where fewer than three points lie on the target, or all on a line.
+    """
     reach = target.radius_m
     steps = np.arange(-reach, reach + spacing, spacing)
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     inside = grid[target.region.holds(grid)]
     X = np.column_stack([np.ones(len(inside)), inside])
+    if len(inside) < 3 or np.linalg.matrix_rank(X) < 3:
+        raise ValueError(
+            f"plan.spacing: of points {spacing * 1e3:g} mm apart {len(inside)} lie on the target "
+            f"({2e3 * reach:g} mm), which show no plane: write a smaller spacing"
+        )
     return np.asarray(sigma_m**2 * np.linalg.inv(X.T @ X))

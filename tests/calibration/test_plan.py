@@ -254,6 +254,47 @@ def test_a_wrong_plan_is_refused_with_what_to_write(tmp_path, old, new, fault):
     assert fault in str(error.value)
 
 
+def test_a_quantity_that_is_zero_by_definition_of_its_axis_is_named():
+    """The thrust angle counted from the thrust line has no point."""
+    toe = changed(TOE, positive="right", axis="thrust-line")
+    item = item_of(machine(thrust_angle=toe)).item
+    plan = PLAN.model_copy(update={"toe": None, "thrust_angle": TABLE})
+    with pytest.raises(ValueError, match=r"plan.thrust_angle: .* no point of it; .*thrust-line"):
+        plan_calibration(plan, item, planned(), None)
+
+
+@pytest.mark.parametrize("spacing", ["100 mm", "200 mm", "400 mm"])
+def test_points_too_far_apart_for_the_target_show_no_plane(spacing):
+    plan = PLAN.model_copy(update={"spacing": spacing})
+    if spacing == "100 mm":
+        assert planned(plan).measurement.wheels[0].observation.fitted is not None
+        return
+    fault = rf"plan.spacing: of points {spacing} apart \d lie on the target \(250 mm\)"
+    with pytest.raises(ValueError, match=fault):
+        planned(plan)
+
+
+@pytest.mark.parametrize(
+    ("part", "text", "fault"),
+    [
+        ("wanted", "-1'", "above zero"),
+        ("wanted", "0'", "above zero"),
+        ("repeatability", "-0.5'", "zero or more"),
+        ("reproducibility", "-0.5'", "zero or more"),
+        ("repeatability", "0'", ""),
+        ("zero", "-1'", ""),
+    ],
+)
+def test_an_uncertainty_below_zero_is_refused(part, text, fault):
+    """The sign of an error that shall be detected is free: its size alone counts."""
+    plan = PLAN.model_copy(update={"toe": TABLE.model_copy(update={part: text})})
+    if fault:
+        with pytest.raises(ValueError, match=rf"plan.toe.{part}: {text} is no size .*{fault}"):
+            plan_calibration(plan, ITEM, planned(), None)
+    else:
+        assert plan_calibration(plan, ITEM, planned(), None).quantities[0].error.u > 0.0
+
+
 def test_what_the_files_do_not_state_is_named():
     with pytest.raises(ValueError, match="states no range_sigma_m"):
         planned(config=Config())

@@ -13,6 +13,7 @@ from .item import Item
 from .quantities import QUANTITIES, indicated
 
 PLANNED = ("toe", "camber", "total_toe", "thrust_angle")
+SCATTERS = ("repeatability", "reproducibility")
 PLAN_FORM = """\
 # A calibration to be planned. Values are texts with their units.
 [plan]
@@ -101,14 +102,23 @@ class Plan(Section):
         return value.number
 
     def value(self, kind: str, part: str, item: Item) -> float | None:
-        """Return a text of a quantity's table, radians or metres. Raises ValueError."""
+        """Return a text of a quantity's table, radians or metres. Raises ValueError.
+
+        Scatter below zero and a wanted U that is not above it are refused.
+        """
         text = getattr(self.quantities()[kind], part)
         if text is None:
             return None
         try:
-            return indicated(read_value(text), QUANTITIES[kind], item.rim_m)
+            size = indicated(read_value(text), QUANTITIES[kind], item.rim_m)
         except ValueError as error:
             raise ValueError(f"{kind}.{part}: {error}") from error
+        if (part in SCATTERS and size < 0.0) or (part == "wanted" and not size > 0.0):
+            least = "of zero or more" if part in SCATTERS else "above zero"
+            raise ValueError(
+                f"plan.{kind}.{part}: {text} is no size of an uncertainty: write one {least}"
+            )
+        return size
 
 
 class PlanFile(Section):
