@@ -75,6 +75,7 @@ SCATTERED = (
 OF_A_SCAN = (
     "plane noise", "centre noise", "surface noise", "range noise", "angle noise", "aiming",
 )  # fmt: skip
+SAME = 1e-14  # between mean values of the same references, by rounding
 NEGLIGIBLE = 1e-9  # share of a variance that a budget leaves out
 Level = tuple[str, str]  # series and operator
 Budget = Sequence[tuple[Origin, Effect]]
@@ -542,8 +543,19 @@ def adjustments(results: Sequence[QuantityResult]) -> tuple[Adjustment, ...]:
 
 
 def _change(before: CalibrationPoint, after: CalibrationPoint) -> Estimate:
-    """Return the change of an error, with the contributions of both sets of readings alone."""
-    shares = [c for point in (before, after) for c in point.budget if c.origin == "readings"]
+    """Return the change of an error, with the contributions of both sets of readings.
+
+    Those of the reference cancel where it is the same. Of unlike ones nothing shows what they
+    share, so that both count in full.
+    """
+    one, other = before.reference.value, after.reference.value
+    same = math.isclose(one, other, rel_tol=SAME, abs_tol=SAME)
+    shares = [
+        share
+        for point in (before, after)
+        for share in point.budget
+        if share.origin == "readings" or not same
+    ]
     u = math.sqrt(math.fsum(share.u**2 for share in shares))
     fourths = math.fsum(share.u**4 / share.dof for share in shares)
     dof = u**4 / fourths if fourths > 0.0 else math.inf

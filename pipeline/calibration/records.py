@@ -132,7 +132,8 @@ class QuantityResult:
 class Adjustment:
     """Change of one point by the adjustment: error as left less error as found.
 
-    The reference value is common to both and cancels from u.
+    The reference value cancels from u where it is common to both states; of unlike ones, as of two
+    series with references of their own, both are in u.
     """
 
     point: str

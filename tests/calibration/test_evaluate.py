@@ -365,6 +365,29 @@ def test_as_left_less_as_found_leaves_the_reference_out():
         assert minutes(one.change.u) == pytest.approx(own, rel=0.3)
 
 
+def test_the_change_against_two_references_has_the_uncertainty_of_both():
+    """Nothing was adjusted: the change is that of readings and references, and as u states it."""
+    ratios, tested = [], machine(protocol=Protocol(series=1))
+    for seed in range(20):
+        bay = Bay(seed=100 + seed, trials=0)
+        left = bay.readings(tested, state="as left").rows
+        left = tuple(replace(one, series="2", row=one.row + 99) for one in left)
+        rows = (*bay.readings(tested).rows, *left)
+        unlike = [bay.reference("1"), bay.reference("2")]
+        done = calibrate(unlike, item_of(tested), Readings("r", "", rows))
+        ratios += [one.change.value / one.change.u for one in done.adjustments]
+        same = [replace(unlike[0], series=None)]
+        alone = calibrate(same, item_of(tested), Readings("r", "", rows))
+        for one, other in zip(alone.adjustments, done.adjustments, strict=True):
+            own = 0.3 * math.sqrt(2.0 / 6.0)
+            assert minutes(one.change.u) == pytest.approx(own, rel=0.5)
+            assert other.change.u == pytest.approx(
+                math.hypot(one.change.u, *(p.reference.u for r in done.results for p in r.points
+                                           if p.point == other.point)), rel=0.01
+            )  # fmt: skip
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.3)
+
+
 @pytest.mark.parametrize(
     ("failed", "again", "decision"),
     [
