@@ -78,6 +78,13 @@ def test_no_line_where_there_is_none():
     one = np.ones(3)
     assert fit_line(one, one, one, one, 0 * one) is None
     assert fit_line(np.arange(3.0), one, 0 * one, 0 * one, 0 * one) is None
+    for level in (0.0, 0.1, 0.0037):
+        y = np.full(3, level)
+        assert fit_line(np.arange(3.0), y, one, 0 * one, 0 * one) is None
+        assert fit_line(np.arange(3.0), y, one, np.array([0.0, 1.0, 1.0]), 0 * one) is None
+        assert fit_line(np.arange(3.0), y, one, one, 0 * one).slope == pytest.approx(0.0)
+    x = np.array([0.0, 1.0, 3.0])  # with errors alike in both, nothing is known of y - x
+    assert fit_line(x, x + 1.0, one, one, one) is None
     assert fit_line(one[:2], one[:2], one[:2], one[:2], one[:2]) is None
 
 

@@ -35,16 +35,22 @@ class Line:
 def fit_line(x: Array, y: Array, u_x: Array, u_y: Array, correlation: Array) -> Line | None:
     """Fit the line of maximum likelihood; None for fewer than 3 points, no spread or no error.
 
+    Nor is there a line where a point would weigh infinitely, as where all y are equal and u_y is 0.
     x, y, u_x, u_y, correlation: (N,); correlation is that of a point's two errors. With all equal
     and none correlated it is the Deming regression.
     Source: York, Evensen, Martinez and De Basabe Delgado, Am. J. Phys. 72 (2004) 367, section III.
     """
     if len(x) < 3 or not float(np.ptp(x)) > 0.0 or not np.all(u_x + u_y > 0.0):
         return None
+    if not float(np.ptp(y)) > 0.0 and not np.all(u_y > 0.0):
+        return None
     both = correlation * u_x * u_y
     slope = float(np.polyfit(x - x.mean(), y - y.mean(), 1)[0])
     for _ in range(ITERATIONS):
-        weight = 1.0 / (u_y**2 + slope**2 * u_x**2 - 2.0 * slope * both)
+        across = u_y**2 + slope**2 * u_x**2 - 2.0 * slope * both
+        if not np.all(across > 0.0):
+            return None
+        weight = 1.0 / across
         x_mean, y_mean = np.average(x, weights=weight), np.average(y, weights=weight)
         U, V = x - x_mean, y - y_mean
         beta = weight * (U * u_y**2 + slope * V * u_x**2 - (slope * U + V) * both)
