@@ -24,6 +24,7 @@ from ..vectors import Array, Mask
 CELLS = 12  # across the target: 113 cells on a full disc
 POINTS_A_CELL = 8  # on average; fewer points get larger cells
 MIN_CELLS = 12
+FULL, DENSE = 0.2, 3.0  # of the points of a typical cell: a filled one, and one that is no measure
 LENGTHS_OF_RADIUS = (0.02, 0.035, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5)
 ALONG_OF_RADIUS = (0.1, 0.25, 0.5, 1.0, 3.0, math.inf)  # lengths in cells along scan lines
 ACROSS_OF_RADIUS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.3)  # the longest: ranges that drift
@@ -221,8 +222,15 @@ def regressed(cells: Cells, terms: Array, columns: Array) -> tuple[Array, Array]
 
 
 def filled(count: Array) -> Mask | None:
-    """Return which cells hold enough of the points, count (C,); None where too few cells do."""
-    full = count > max(2.0, 0.2 * float(count.max()))
+    """Return which cells hold enough of the points, count (C,); None where too few cells do.
+
+    Enough is a share of the fullest cell, or of one DENSE times as full as the median of those that
+    hold points: a spot scanned several times as densely takes no cell from the rest of the target.
+    """
+    fullest = float(count.max())
+    if fullest > 0.0:
+        fullest = min(fullest, DENSE * float(np.median(count[count > 0.0])))
+    full = count > max(2.0, FULL * fullest)
     return full if np.count_nonzero(full) >= MIN_CELLS else None
 
 

@@ -125,6 +125,26 @@ def test_a_bent_target_is_form_error_not_noise():
     assert np.trace(seen.form_covariance) > 10 * np.trace(seen.covariance)
 
 
+def test_a_dense_spot_hides_no_noise_of_the_rest_of_the_target():
+    """A spot of 4 cm, 8 times as dense, took the cells from the rest: no noise was seen."""
+    nees = []
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 8])
+        uv = rng.uniform(-RADIUS, RADIUS, (8000, 2))
+        spot = rng.uniform(0.03, 0.07, (1600, 2))
+        uv = np.vstack([uv[np.hypot(*uv.T) < RADIUS], spot])
+        height = 5e-4 * rng.standard_normal(len(uv)) + field(rng, uv, 0.02, 3e-4)
+        uv -= uv.mean(axis=0)
+        slopes = np.column_stack([np.ones(len(uv)), uv])
+        wrong = np.linalg.lstsq(slopes, height, rcond=None)[0]
+        seen = noise_of(uv, height - slopes @ wrong, RADIUS)
+        whole = seen.white_sigma_m**2 * np.linalg.inv(slopes.T @ slopes)
+        whole += seen.covariance + seen.form_covariance
+        assert seen.sigma_m > 1e-4
+        nees.append(wrong[1:] @ np.linalg.solve(whole[1:, 1:], wrong[1:]))
+    assert sum(nees) < 1.25 * stats.chi2.ppf(0.9995, 2 * 20)
+
+
 @pytest.mark.parametrize("count", [0, 5, 60])
 def test_few_points_tell_nothing_and_do_no_harm(count):
     rng = np.random.default_rng(1)
