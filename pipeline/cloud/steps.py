@@ -63,7 +63,8 @@ def coordinate_steps(
     axes: (3, 3) rows along which the coordinates were rounded, those of a scan before its pose was
     applied; by default the points' own. An axis of few values, as where a face is square to it,
     has the coarsest step of the others, or of float32. A raster's positions, coarse along two axes
-    and fine along the third or filled one by one, were not rounded.
+    and fine along the third or filled one by one, were not rounded; few values along its third have
+    the distance between them, unless they are as far apart as its positions: surfaces.
     """
     axes = np.eye(3) if axes is None else axes
     if not len(points_m):
@@ -75,7 +76,9 @@ def coordinate_steps(
     step_m = np.array([np.nan if step is None else step for step in found])
     raster = _raster_axes(step_m, points_m, axes, about)
     if raster.any():
-        step_m = np.where(raster, 0.0, np.nan_to_num(step_m))
+        pitch_m = float(np.nanmax(step_m))
+        few_m = [_few_step(_near(*one), pitch_m) for one in zip(some.T, about, strict=True)]
+        step_m = np.where(raster, 0.0, np.where(np.isnan(step_m), few_m, step_m))
     coarsest = float(np.nanmax(step_m, initial=0.0))
     for axis in np.flatnonzero(np.isnan(step_m)):
         step_m[axis] = max(coarsest, _single_step(some.T[axis]))
@@ -158,12 +161,25 @@ def scattered(count: int, most: int = ROWS) -> Rows:
 
 def _local_step(values: Array, about: float, precision: float) -> float | None:
     """Return the step of the values (N,) near a coordinate."""
-    near = values[np.abs(values - about) < NEARBY_M]
-    step = level_step(near if len(near) >= ENOUGH else values, precision)
+    step = level_step(_near(values, about), precision)
     if not step:
         return step
     single = _single_step(values[np.abs(values - about) < CLOSE_M])
     return single if abs(single - 2.0 * step) < OFF_GRID * step else step
+
+
+def _near(values: Array, about: float) -> Array:
+    """Return the values (N,) near a coordinate, or all where those are few."""
+    near = values[np.abs(values - about) < NEARBY_M]
+    return near if len(near) >= ENOUGH else values
+
+
+def _few_step(values: Array, pitch_m: float) -> float:
+    """Return the least distance between few values (N,); 0 of one, or beyond pitch_m."""
+    gaps = np.diff(np.unique(values))
+    gaps = gaps[gaps > CLEAR * np.spacing(np.abs(values).max())]
+    step = float(gaps.min(initial=np.inf))
+    return step if step <= pitch_m else 0.0
 
 
 def _grid_step(level: Array, same: float) -> float:

@@ -63,6 +63,21 @@ def test_a_raster_was_not_rounded(pitch, digits):
     assert coordinate_steps(points).step_m[:2].tolist() == [0.0, 0.0]
 
 
+@pytest.mark.parametrize("step", [1e-4, 5e-4, 1e-3])
+def test_few_levels_of_a_raster_are_rounding_and_surfaces_are_not(step):
+    """A step is found at any offset and scale of the noise; levels a pitch apart are none."""
+    x, y = (axis.ravel() for axis in np.meshgrid(*[np.arange(100) * 2e-3] * 2))
+    noise = np.random.default_rng(7).normal(0.0, 0.1 * step, len(x))
+    z = rounded(5.0 + step * (x + y) / 0.15 + noise, step)
+    assert 1 < len(np.unique(z)) < 6
+    points = np.column_stack([x, y, z])
+    np.testing.assert_allclose(coordinate_steps(points).step_m, [0.0, 0.0, step], rtol=1e-6)
+    turned = np.roll(points, 1, axis=1)
+    np.testing.assert_allclose(coordinate_steps(turned).step_m, [step, 0.0, 0.0], rtol=1e-6)
+    points[:, 2] = np.where(x < 0.1, 5.0, 5.03)
+    assert coordinate_steps(points).step_m.tolist() == [0.0, 0.0, 0.0]
+
+
 def test_a_face_square_to_an_axis_has_the_step_of_the_others():
     rng = np.random.default_rng(5)
     points = rounded(rng.uniform(0.0, 0.25, (3000, 3)) * [1.0, 1.0, 1e-3] + 0.77, 1e-3)

@@ -203,3 +203,29 @@ def test_a_part_of_the_study(how):
     assert measured > 20
     assert worst < 4.0
     assert stats.binom.cdf(inside, total, 0.93) > TRUST
+
+
+def test_terraces_of_a_raster_are_rounded_too():
+    """A disc alone on a raster of 2 mm, its heights in steps of 1 mm: few values, and not exact."""
+    column, row = (axis.ravel() for axis in np.meshgrid(*[np.arange(-62, 63) * 2e-3] * 2))
+    inside = np.hypot(column, row) < 0.125
+    uv, nees, refused = np.column_stack([column, row])[inside], [], 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        slopes = rng.uniform(-0.006, 0.006, 2)
+        height = 3.0 + uv @ slopes + 1e-4 * rng.standard_normal(len(uv))
+        points = np.column_stack([uv + np.array([1.0, 2.0]), height]).round(3)
+        patch = find_target(points, DISC, Config().segment, 0)
+        assert patch.steps.step_m == pytest.approx([0.0, 0.0, 1e-3])
+        try:
+            plane = fit_plane(patch, DISC, PlaneConfig())
+        except NotMeasuredError as error:
+            refused += error.status == "steps-too-coarse"
+            continue
+        axes = plane.basis[:2]
+        error = axes @ np.append(-slopes, 1.0) / np.hypot(1.0, np.hypot(*slopes))
+        u = axes @ plane.normal_covariance @ axes.T
+        nees.append(error @ np.linalg.solve(u, error))
+    assert 8 < len(nees) == 12 - refused
+    dof = 2 * len(nees)
+    assert stats.chi2.ppf(TRUST, dof) / 4.0 < np.sum(nees) < stats.chi2.isf(TRUST, dof)
