@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..cloud import scattered
 from ..targets import Region
 from ..uncertainty import tail
 from ..vectors import Array, Array32, Mask, in_axes
 from .clipped_plane import ClippedFit, fit_clipped_plane
-from .correlated_noise import Cells, cells_of, correlated_noise, regressed
+from .correlated_noise import MIN_CELLS, Cells, cells_of, correlated_noise, regressed
 
 DARK, BRIGHT = 0.05, 0.95  # quantiles of the intensities; those beyond them count as these
 TWO_VALUED = 0.8  # share of the variance between two classes; uniform 0.75, normal 0.64
@@ -95,7 +96,7 @@ def fit_brightness(
     of the intensities, as by incidence, proves nothing; noise correlated from point to point
     counts.
     """
-    some = slice(None, None, 1 + len(points_m) // FIRST_POINTS)
+    some = scattered(len(points_m), FIRST_POINTS)
     brightness = _Brightness.of(intensity[some], _used(points_m[some], region, fit))
     if brightness is None:
         return None
@@ -183,7 +184,10 @@ def _used(points_m: Array, region: Region, fit: ClippedFit) -> Mask:
 def _cells(
     points_m: Array, shade: Array, region: Region, fit: ClippedFit, across: int
 ) -> Cells | None:
-    """Return the cells of a plane's residuals with their mean brightness; None: too few."""
+    """Return the cells of a plane's residuals with their mean brightness; None: too few.
+
+    points_m: (N, 3), all or some of the plane's; cells without one of them are left out.
+    """
     cells = cells_of(fit.plane.residual_sums(), across, fit.side_m)
     if cells is None:
         return None
@@ -191,9 +195,21 @@ def _cells(
     uv = in_axes(fit.slab.basis[:2], points_m[used])
     column, row = (uv.T / fit.side_m + 0.5 * across).astype(np.int32).clip(0, across - 1)
     cell = row * across + column
-    count = np.bincount(cell, minlength=across * across).clip(min=1)
-    mean = np.bincount(cell, shade[used], across * across) / count
-    return replace(cells, extra=mean[cells.index[:, 1] * across + cells.index[:, 0], None])
+    number = cells.index[:, 1] * across + cells.index[:, 0]
+    count = np.bincount(cell, minlength=across * across)[number]
+    mean = np.bincount(cell, shade[used], across * across)[number] / count.clip(min=1)
+    known = count > 0
+    if np.count_nonzero(known) < MIN_CELLS:
+        return None
+    if not known.all():
+        cells = replace(
+            cells,
+            uv_m=cells.uv_m[known],
+            mean_m=cells.mean_m[known],
+            count=cells.count[known],
+            index=cells.index[known],
+        )
+    return replace(cells, extra=mean[known, None])
 
 
 def _is_significant(cells: Cells, radius_m: float, resolution_m: float) -> bool:

@@ -11,9 +11,11 @@ from scipy import stats
 
 from tests.support.shaded_discs import Disc, checkerboard, gradient, halves, plain
 from wheelplane.config import PlaneConfig
-from wheelplane.plane.brightness import DARK, FALSE_ALARM, dof_of_both
+from wheelplane.plane import Patch
+from wheelplane.plane.brightness import DARK, FALSE_ALARM, _cells, dof_of_both
+from wheelplane.plane.clipped_plane import ClipSlab, fit_clipped_plane
 from wheelplane.plane.fit_plane import fit_plane
-from wheelplane.targets.plates import DiscTarget
+from wheelplane.targets.plates import DiscTarget, RectangleTarget
 
 TARGET = DiscTarget(shape="disc", diameter=0.25)
 
@@ -160,6 +162,61 @@ def test_single_missing_intensities_are_no_matter():
     patch.face_intensity[::10] = np.nan
     error, u = errors(fit(patch), true)
     assert np.all(np.abs(error) < 4.0 * u)
+
+
+def raster(columns, rows, step_m, slopes, seed=2):
+    """Patch of a square of 0.25 m in row order: three shades, and ranges that follow them."""
+    rng = np.random.default_rng(seed)
+    u, v = (
+        axis.ravel()
+        for axis in np.meshgrid(
+            *((np.arange(count) + 0.5) / count * 0.24 - 0.12 for count in (columns, rows))
+        )
+    )
+    shade = 0.5 * (u > -0.05) + 0.5 * ((u > 0.03) & (v > -0.06))
+    w = u * slopes[0] + v * slopes[1] + step_m * shade + 8e-4 * rng.standard_normal(len(u))
+    seen = 100.0 * shade + 20.0 + 2.0 * rng.standard_normal(len(u))
+    return Patch(
+        origin_m=np.array([1.0, 2.0, 3.0]),
+        face_m=np.column_stack([u, v, w]),
+        around_m=np.zeros((0, 3), np.float32),
+        match=1.0,
+        basis=np.eye(3),
+        sigma_m=8e-4,
+        face_intensity=seen.astype(np.float32),
+    )
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(100, 990), (200, 2450)])
+def test_the_order_of_the_points_is_no_matter(columns, rows):
+    """Rows of a multiple of any stride: a first look at every tenth point saw ten columns."""
+    square = RectangleTarget(shape="rectangle", width=0.25, height=0.25)
+    slopes = np.array([0.01, 0.02])
+    patch = raster(columns, rows, 3e-4, slopes)
+    order = np.random.default_rng(3).permutation(len(patch.face_m))
+    mixed = replace(patch, face_m=patch.face_m[order], face_intensity=patch.face_intensity[order])
+    found = [fit_plane(one, square, PlaneConfig()) for one in (patch, mixed)]
+    for plane in found:
+        error, u = errors(plane, np.append(-slopes, 1.0) / np.sqrt(1.0 + slopes @ slopes))
+        assert np.all(np.abs(error) < 4.0 * u)
+        assert abs(plane.brightness.step_m - 3e-4) < 4.0 * plane.brightness.u_m
+        assert plane.brightness.significant
+    apart = np.linalg.norm(found[0].normal - found[1].normal)
+    assert apart < 0.1 * found[0].tilt_rad
+
+
+def test_cells_without_a_looked_at_point_are_left_out():
+    patch = raster(100, 100, 0.0, np.zeros(2))
+    region = RectangleTarget(shape="rectangle", width=0.25, height=0.25).region
+    slab = ClipSlab(np.eye(3), 0.0, 8e-4, 0.0)
+    fit = fit_clipped_plane(patch.face_m, region, slab, region.radius_m, 12, 30)
+    bright = np.ones(len(patch.face_m))
+    whole = _cells(patch.face_m, bright, region, fit, 12)
+    half = patch.face_m[:, 0] < 0.0
+    cells = _cells(patch.face_m[half], bright[half], region, fit, 12)
+    assert 0.4 < len(cells.count) / len(whole.count) < 0.7
+    assert np.all(cells.extra == 1.0)
+    assert _cells(patch.face_m[:5], bright[:5], region, fit, 12) is None
 
 
 def test_few_points_are_fitted_without():
