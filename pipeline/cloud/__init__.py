@@ -30,7 +30,13 @@ from .selection import (
 )
 from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps, scattered
 from .threads import over_chunks, over_items, side_by_side
-from .voxel_grid import VoxelGrid, box, voxel_key, voxel_moments, within_voxels
+from .voxel_grid import (
+    VoxelGrid,
+    box,
+    voxel_key,
+    voxels_without_strays,
+    within_voxels,
+)
 
 __all__ = [
     "CODE_BITS",
@@ -72,7 +78,7 @@ __all__ = [
     "surroundings",
     "thin",
     "voxel_key",
-    "voxel_moments",
+    "voxels_without_strays",
     "within_slab",
     "within_voxels",
 ]

@@ -11,6 +11,7 @@ from ..vectors import Array, Rows
 from .compiled import kernels
 from .moments import SUMS, sums_by
 from .selection import HALF, MIX
+from .steps import scattered
 from .threads import over_chunks
 
 VOXEL_BITS = 21
@@ -104,6 +105,23 @@ def voxel_moments(points_m: Array, low_m: Array, edge_m: float) -> VoxelGrid:
         total[group[start : start + len(part[0])]] += part[1]
         start += len(part[0])
     return VoxelGrid(low_m, edge_m, keys, total)
+
+
+def voxels_without_strays(points_m: Array, edge_m: float) -> VoxelGrid:
+    """Return the moments of points_m (N, 3) by voxels of edge_m that begin one below the least.
+
+    Where these reach farther than their keys do, as by a single point at 0, 0, 0 of a cloud in
+    coordinates of a country, points farther than half of that from the one nearest to their median
+    are left out.
+    """
+    low, high = box(points_m)
+    if not float((high - low).max()) < ((1 << VOXEL_BITS) - 2) * edge_m:
+        some = points_m[scattered(len(points_m))]
+        middle = some[np.argmin(np.abs(some - np.median(some, axis=0)).max(axis=1))]
+        reach_m = ((1 << VOXEL_BITS - 1) - 2) * edge_m
+        points_m = points_m[(np.abs(points_m - middle) < reach_m).all(axis=1)]
+        low = box(points_m)[0]
+    return voxel_moments(points_m, low - edge_m, edge_m)
 
 
 def within_voxels(points_m: Array, voxels: VoxelGrid, keys: Rows) -> Rows:

@@ -17,11 +17,10 @@ from ..cloud import (
     Slab,
     Steps,
     VoxelGrid,
-    box,
     coordinate_steps,
     sample,
     surroundings,
-    voxel_moments,
+    voxels_without_strays,
 )
 from ..config import SegmentConfig
 from ..errors import NotMeasuredError
@@ -195,8 +194,7 @@ def _is_scrap(one: Candidate, found: Sequence[Candidate], config: SegmentConfig)
 
 def voxels_of(points_m: Array, target: Target) -> VoxelGrid:
     """Return the sums of points_m (N, 3) over voxels of a quarter of the target's radius."""
-    edge = EDGE_OF_RADIUS * target.radius_m
-    return voxel_moments(points_m, box(points_m)[0] - edge, edge)
+    return voxels_without_strays(points_m, EDGE_OF_RADIUS * target.radius_m)
 
 
 def _candidates(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..cloud import box, sample, voxel_moments
+from ..cloud import sample, voxels_without_strays
 from ..detection import planes_of
 from ..errors import NotMeasuredError
 from ..vectors import Array, plane_basis
@@ -97,9 +97,8 @@ def find_axis(points_m: Array, near_m: Array | None = None) -> RoughAxis:
 
 def _pieces(points_m: Array) -> Pieces:
     """Return the pieces in the smallest voxels in which most normals are certain."""
-    low = box(points_m)[0]
     for edge in EDGES_M:
-        voxels = voxel_moments(points_m, low - edge, edge)
+        voxels = voxels_without_strays(points_m, edge)
         row = np.nonzero(voxels.sums[:, 0] >= LEAST_IN_VOXEL)[0]
         if len(row) < LEAST_PIECES:
             continue

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..cloud import box, voxel_moments
+from ..cloud import voxels_without_strays
 from ..detection import planes_of
 from ..errors import NotMeasuredError
 from ..plane import Patch
@@ -147,7 +147,7 @@ def _standing(points_m: Array, rim_inch: float | None) -> list[tuple[RoughAxis, 
 
 def _pieces(points_m: Array) -> tuple[Array, Array]:
     """Return centroids and normals, each (S, 3), of the flat pieces of surface of a cloud."""
-    voxels = voxel_moments(points_m, box(points_m)[0] - EDGE_M, EDGE_M)
+    voxels = voxels_without_strays(points_m, EDGE_M)
     full = np.nonzero(voxels.sums[:, 0] >= LEAST_IN_VOXEL)[0]
     centroid, normal, spread = planes_of(voxels.sums[full])
     flat = (spread[:, 0] < FLAT * spread[:, 1]) & (spread[:, 1] > 0.12 * EDGE_M)

@@ -86,6 +86,8 @@ def target_of(found: WheelFit, patch: Patch) -> TargetFit:
 
 def _by_rim_or_tyre(patch: Patch, rim_inch: float | None) -> WheelFit:
     points = patch.face_m
+    if not len(points):
+        raise NotMeasuredError("wheel-not-found", "no point lies about the wheel's rough axis")
     start = Axis(np.zeros(3), patch.basis[2])
     reach = float(np.sqrt(_square_m2(points, start).max()))
     grid = _grid(len(points), reach)

@@ -16,7 +16,13 @@ from wheelplane.cloud.selection import (
     sample,
     surroundings,
 )
-from wheelplane.cloud.voxel_grid import box, voxel_key, voxel_moments, within_voxels
+from wheelplane.cloud.voxel_grid import (
+    box,
+    voxel_key,
+    voxel_moments,
+    voxels_without_strays,
+    within_voxels,
+)
 
 CENTRE = np.array([10.2, -4.1, 2.3])
 NORMAL = np.array([2.0, -1.0, 2.0]) / 3.0
@@ -209,6 +215,22 @@ def test_voxels_hold_every_point_once(cloud, backend):
     start, stop = held.between(CENTRE[0] - 0.2, CENTRE[0] + 0.2)
     inside = np.abs(held.middle_m[:, 0] - CENTRE[0]) < 0.2
     assert set(np.nonzero(inside)[0]) <= set(range(start, stop)) < set(range(len(held.key)))
+
+
+@pytest.mark.parametrize("stray", [(-1e6, 0, 0), (3e5, -3e5, 9e9), (0, 8e4, -8e4), (9e9, 9e9, 9e9)])
+@pytest.mark.parametrize("offset", [0.0, 5e6])
+def test_voxels_are_those_without_the_strays(stray, offset, backend):
+    """Of 0.03 m: their keys reach 63 km."""
+    points = np.random.default_rng(1).normal(0.0, 3.0, (20_000, 3)) + offset
+    far = np.vstack([points[:7000], np.array([stray]) + offset, points[7000:]])
+    alone, found = (voxels_without_strays(one, 0.03) for one in (points, far))
+    np.testing.assert_array_equal(found.low_m, alone.low_m)
+    np.testing.assert_array_equal(found.key, alone.key)
+    np.testing.assert_allclose(found.sums, alone.sums, atol=1e4 * EPS)
+    apart = voxels_without_strays(np.vstack([points, points + 1e6]), 0.03)
+    assert apart.sums[:, 0].sum() == len(points)
+    near = np.vstack([points, points[:1] + 3e4])
+    assert voxels_without_strays(near, 0.03).sums[:, 0].sum() == len(near)
 
 
 def test_a_full_table_grows(backend):

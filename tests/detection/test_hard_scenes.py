@@ -97,6 +97,15 @@ def test_targets_move_with_the_cloud_in_any_order_of_points():
     assert judge(moved.faces, find_on_vehicle(moved)).faults == ()
 
 
+@pytest.mark.parametrize("stray", [-7e4, -1e7])
+def test_a_stray_point_however_far_hides_no_target_of_a_car(stray):
+    scene = drawn(12)
+    far = np.vstack([scene.points_m, scene.points_m.mean(axis=0) + stray])
+    parts = (*scene.parts[:-1], (scene.parts[-1][0], len(far)))
+    found = find_targets(far, DISC, SEGMENT, parts=parts)
+    assert judge(scene.faces, [measured(patch) for patch in found]).faults == ()
+
+
 def test_two_equal_targets_side_by_side():
     cloud = make(WHEEL.but(extra=(), half_width_m=0.2), 6)
     beside = cloud.R @ [0.45, 0.1, -0.02]

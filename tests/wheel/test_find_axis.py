@@ -31,6 +31,16 @@ def test_two_wheels_in_one_scan_are_refused():
     assert caught.value.status == "ambiguous-target"
 
 
+def test_a_stray_point_however_far_hides_no_wheel():
+    rng = np.random.default_rng(0)
+    centre, direction = axis_of(rng)
+    wheel = wheel_points(rng, centre, direction)
+    for stray in (-1e6, 1e5, 1e9):
+        found = find_axis(np.vstack([wheel, centre + stray]))
+        assert angle_between(found.axis.direction, direction) < np.radians(1.5)
+        assert aside(found.axis.point_m, centre, direction) < 0.01
+
+
 def test_two_planes_are_no_wheel():
     rng = np.random.default_rng(2)
     floor = np.column_stack([rng.uniform(-1, 1, (30_000, 2)), rng.normal(0.0, 0.001, 30_000)])

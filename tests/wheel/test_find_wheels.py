@@ -33,6 +33,13 @@ def test_the_four_wheels_of_a_car_are_found_whatever_their_steering():
         assert angle_between(patch.basis[2], axes[nearest]) < np.radians(1.5)
 
 
+def test_the_wheels_are_found_in_coordinates_of_a_country_with_a_point_at_0_0_0():
+    offset = np.array([5e5, 5e6, 100.0])
+    points = vehicle_points(np.random.default_rng(0), CENTRES, LEVEL) + offset
+    found = find_wheels(np.vstack([points, np.zeros(3)]), None)
+    assert placed(found, CENTRES + offset) == [0, 1, 2, 3]
+
+
 @pytest.mark.slow
 def test_a_wheel_that_lies_leans_or_hangs_is_none_of_the_car_s():
     rng = np.random.default_rng(1)

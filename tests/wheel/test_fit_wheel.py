@@ -204,6 +204,13 @@ def test_an_axis_that_still_moves_is_not_stated(monkeypatch):
     assert caught.value.status == "wheel-not-found"
 
 
+def test_a_patch_without_a_point_on_the_wheel_is_refused():
+    patch = find_wheel(scene(0)[0])
+    with pytest.raises(NotMeasuredError, match="no point") as caught:
+        fit_wheel(replace(patch, face_m=patch.face_m[:0]), None)
+    assert caught.value.status == "wheel-not-found"
+
+
 def test_half_a_wheel_is_not_measured():
     points, centre, direction = scene(8)
     side = np.cross(direction, [0.3, 0.5, 0.8])
