@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from ..diagnostics import check_cloud, float32_fact, float32_step, length
+from ..diagnostics import check_cloud, check_poses, float32_fact, float32_step, length
 from ..errors import InputError, NotMeasuredError
 from ..plane import CloudPlane, find_planes, plane_of_all
 from ..readers import MESH_SUFFIXES, Scan, read_scan
@@ -74,6 +74,7 @@ def plane(
     reading = read_options(columns, pitch)
     with Reading(str(file)) as progress:
         scan = read_scan(file, length_unit, options=reading, sample=sample, progress=progress)
+    check_poses(scan.parts, str(file))
     check_cloud(scan.points_m, length_unit, str(file))
     try:
         if all_points:

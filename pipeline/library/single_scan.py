@@ -78,6 +78,7 @@ def fit_plane(points: object, *, length_unit: LengthUnit = "m") -> Plane:
     InputError.
     """
     scan = as_scan(points, length_unit, "points")
+    check_poses(scan.parts, scan.source)
     return _plane(plane_of_all(scan.points_m))
 
 
@@ -93,6 +94,7 @@ def find_planes(
         if not isinstance(number, Integral) or number < 0:
             raise InputError(f"{what} {number!r} is no whole number: give one from 0")
     scan = as_scan(points, length_unit, "points")
+    check_poses(scan.parts, scan.source)
     check_cloud(scan.points_m, length_unit, scan.source)
     return [_plane(one) for one in planes_of(scan.points_m, max_planes, seed)]
 

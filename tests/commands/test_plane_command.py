@@ -12,6 +12,8 @@ import pytest
 
 from wheelplane.cli import main
 from wheelplane.commands.progress import Reading
+from wheelplane.errors import InputError
+from wheelplane.library.single_scan import find_planes, fit_plane
 
 
 @pytest.fixture
@@ -52,6 +54,36 @@ def test_a_mesh_is_sampled_when_asked(tmp_path, plane):
     code, out, err = plane(tmp_path / "a.xyz", "--sample", 5)
     assert (code, out) == (2, "")
     assert "the points are read, and no surface" in err
+
+
+@pytest.mark.parametrize(
+    ("change", "sound"),
+    [
+        (np.eye(3), True),
+        (1e-3 * np.eye(3), True),
+        (np.diag([1.0, 1.0, 1.05]), False),
+        (np.eye(3) + 0.05 * np.eye(3, k=1), False),
+    ],
+    ids=["rotation", "millimetres", "stretched", "sheared"],
+)
+def test_a_pose_that_changes_angles_shows_no_plane(tmp_path, plane, change, sound):
+    """Neither to the command nor to the library, as `measure` refuses it."""
+    file, R = tmp_path / "a.ptx", np.linalg.qr(np.arange(9.0).reshape(3, 3) ** 2 + 1.0)[0]
+    axes = (R * np.sign(np.linalg.det(R)) @ change).T
+    head = ["3000", "1", "0 0 0", *(" ".join(map(str, row)) for row in axes)]
+    head += [" ".join(map(str, [*row, 0.0])) for row in axes] + ["0 0 0 1"]
+    points = plate() / np.cbrt(np.linalg.det(change))
+    rows = [" ".join(map(str, [*row, 0.5])) for row in points]
+    file.write_text("\n".join([*head, *rows]) + "\n")
+    code, out, err = plane(file, "--max-planes", 1)
+    assert (code, bool(out)) == ((0, True) if sound else (2, False))
+    assert sound or "the pose of its scan 1 is no rotation: it scales the axes by" in err
+    for find in (find_planes, fit_plane):
+        if sound:
+            find(file)
+            continue
+        with pytest.raises(InputError, match="the pose of its scan 1 is no rotation"):
+            find(file)
 
 
 def test_the_vertices_of_a_mesh_that_show_no_plane_name_the_option(tmp_path, plane):
