@@ -170,6 +170,12 @@ def find_candidates(
     if len(points_m) < MIN_POINTS:
         raise NotMeasuredError("too-few-points", f"{len(points_m)} points, {MIN_POINTS} needed")
     points = sample(points_m, config.subset_points)
+    if len(points) < MIN_POINTS:
+        raise NotMeasuredError(
+            "too-few-points",
+            f"its {len(points_m)} points lie at so few places that a sample of "
+            f"{config.subset_points} holds {len(points)}, {MIN_POINTS} needed",
+        )
     origin = np.median(points, axis=0)
     points -= origin
     found = _candidates(points, target, config, seed, steps)

@@ -73,6 +73,10 @@ def find_axis(points_m: Array, near_m: Array | None = None) -> RoughAxis:
     if len(points_m) < LEAST_IN_VOXEL * LEAST_PIECES:
         raise NotMeasuredError("too-few-points", f"{len(points_m)} points show no wheel's surface")
     points = sample(points_m, SAMPLE)
+    if len(points) < LEAST_IN_VOXEL * LEAST_PIECES:
+        raise NotMeasuredError(
+            "too-few-points", f"its {len(points_m)} points lie at too few places for a wheel"
+        )
     origin = np.median(points, axis=0)
     pieces = _pieces(points - origin)
     found: list[RoughAxis] = []

@@ -305,3 +305,17 @@ def test_of_one_surface_a_point_takes_the_best_match_wherever_it_lies():
             cloud.points_m, cloud.centre_m + 0.5 * DISC.radius_m * way, DISC, SegmentConfig(), 0
         )
         assert np.linalg.norm(near.centre_m - best.origin_m) < start_m(COARSE)
+
+
+@pytest.mark.parametrize("places", [1, 3])
+@pytest.mark.parametrize("seed", range(3))
+def test_many_points_at_few_places_are_too_few_or_show_no_plane(places, seed):
+    """A sample by coordinates holds all points of a place, or none."""
+    some = np.random.default_rng(seed).normal(size=(places, 3))
+    assert status(np.repeat(some, 300_000 // places, axis=0)) in ("too-few-points", "no-plane")
+
+
+def test_a_sample_without_a_point_is_named_with_what_it_was_drawn_from():
+    with pytest.raises(NotMeasuredError, match="its 300000 points lie at so few places") as caught:
+        find(np.tile([1.0, 2.0, 3.0], (300_000, 1)))
+    assert caught.value.status == "too-few-points"

@@ -57,6 +57,16 @@ def test_few_points_are_too_few():
     assert caught.value.status == "too-few-points"
 
 
+@pytest.mark.parametrize("places", [1, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_many_points_at_few_places_are_too_few(places, seed):
+    """A sample by coordinates holds all points of a place, or none."""
+    points = np.tile(np.random.default_rng(seed).normal(size=(places, 3)), (300_000 // places, 1))
+    with pytest.raises(NotMeasuredError) as caught:
+        find_axis(points)
+    assert caught.value.status == "too-few-points"
+
+
 def test_of_several_axes_of_the_chosen_wheel_the_best_counts():
     """Another start may lead to a poorer axis of the same wheel, nearer to the point by chance."""
     level = np.array([0.0, 1.0, 0.0])
