@@ -24,6 +24,8 @@ NO_PLANE = "no plane stands out among the points"
 ODDS = f"e^{MIN_SCORE:.0f} needed"
 NEIGHBOURS, SEEDS = 24, 48  # for the noise: at first this many points about this many points
 MAX_GAP = 0.02  # of the cloud's span: levels farther apart are surfaces, not rounding
+STRAY = 0.01  # share of the points beyond which each end of the cloud is that of strays
+FAR = 10.0  # spans without these: farther away they make the cloud no larger
 SPANNED = 1.5  # distances of levels: no point within them of the plane is clipped
 MAX_ROUGHNESS = 0.25  # noise over a neighbourhood's spread: above it larger ones are tried
 
@@ -57,15 +59,16 @@ def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudP
     """
     if len(points_m) < 4:
         raise InputError(f"a plane with a residual needs at least 4 points, got {len(points_m)}")
-    origin = np.median(random_rows(points_m, SAMPLED_POINTS, np.random.default_rng(seed)), axis=0)
+    some = random_rows(points_m, SAMPLED_POINTS, np.random.default_rng(seed))
+    origin, most_m = np.median(some, axis=0), _most_span(some)
     remaining = points_m - origin
-    widest = _widest_slab(remaining, np.random.default_rng(seed))
-    levels = coordinate_levels(points_m, MAX_GAP * _span(points_m))
+    widest = _widest_slab(remaining, most_m, np.random.default_rng(seed))
+    levels = coordinate_levels(points_m, MAX_GAP * _span(points_m, most_m))
     found: list[CloudPlane] = []
     while len(found) < max_planes and len(remaining) >= 4:
         rng = np.random.default_rng([seed, len(found)])
         try:
-            moments, limit = _next_plane(remaining, origin, widest, levels, rng)
+            moments, limit = _next_plane(remaining, origin, most_m, widest, levels, rng)
         except NotMeasuredError as error:
             if found:
                 break
@@ -96,12 +99,24 @@ def _resolution(largest_m: float) -> float:
     return 16.0 * float(np.finfo(float).eps) * largest_m
 
 
-def _span(points: Array) -> float:
-    return float(np.linalg.norm(np.ptp(points, axis=0)))
+def _span(points: Array, most_m: float) -> float:
+    """Return the diagonal of the box about points (N, 3), most_m at most."""
+    return min(float(np.linalg.norm(np.ptp(points, axis=0))), most_m)
+
+
+def _most_span(points: Array) -> float:
+    """Return the span beyond which points (N, 3) are large by single strays; inf at one place."""
+    low, high = np.quantile(points, (STRAY, 1.0 - STRAY), axis=0)
+    return FAR * float(np.linalg.norm(high - low)) or math.inf
 
 
 def _next_plane(
-    points: Array, origin: Array, widest: float, levels: Levels, rng: np.random.Generator
+    points: Array,
+    origin: Array,
+    most_m: float,
+    widest: float,
+    levels: Levels,
+    rng: np.random.Generator,
 ) -> tuple[PlaneMoments, float]:
     """Return the most significant plane and the distance within which points belong to it.
 
@@ -110,7 +125,7 @@ def _next_plane(
     scored = random_rows(points, SCORED_POINTS, rng)
     largest_m = float(np.abs(origin).max() + np.abs(points).max())
     resolution = _resolution(largest_m)
-    problem = _AnyPlane(scored, origin, resolution, widest, levels)
+    problem = _AnyPlane(scored, origin, resolution, widest, levels, most_m)
     result = ransac(problem, RansacOptions(max_proposals=1000), rng)
     if result is None or result.score < MIN_SCORE:
         score = 0.0 if result is None else result.score
@@ -131,14 +146,14 @@ def _refused(fact: str) -> NotMeasuredError:
     return NotMeasuredError("no-plane", fact)
 
 
-def _widest_slab(points: Array, rng: np.random.Generator) -> float:
+def _widest_slab(points: Array, most_m: float, rng: np.random.Generator) -> float:
     """Return the largest distance of a plane's points: five times the noise of the cloud, metres.
 
     The noise is that of the flattest quarter of small neighbourhoods. A cloud too small for
     neighbourhoods gives 2 % of its span. Raises NotMeasuredError 'no-plane' where nothing is flat.
     """
     cloud = random_rows(points, 2 * SAMPLED_POINTS, rng)
-    span = _span(cloud)
+    span = _span(cloud, most_m)
     if len(cloud) < 2 * NEIGHBOURS:
         return 0.02 * span
     seeds = cloud[rng.integers(len(cloud), size=SEEDS)]
@@ -215,9 +230,15 @@ class _AnyPlane:
     """
 
     def __init__(
-        self, points: Array, origin: Array, resolution: float, widest: float, levels: Levels
+        self,
+        points: Array,
+        origin: Array,
+        resolution: float,
+        widest: float,
+        levels: Levels,
+        most_m: float = math.inf,
     ) -> None:
-        self._points, self._span = points, _span(points)
+        self._points, self._span = points, _span(points, most_m)
         self._origin, self._levels = origin, levels
         self._floor = max(resolution, 1e-12 * self._span)
         self._widest = max(widest, self._floor)

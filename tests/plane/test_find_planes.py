@@ -112,6 +112,21 @@ def test_stray_points_leave_the_walls_alone():
         assert tilt(nearest(planes, normal).normal, normal) < 1.5 * limit
 
 
+@pytest.mark.parametrize("far", [1e2, 1e4, 1e6, 1e8])
+@pytest.mark.parametrize("strays", [1, 40])
+def test_strays_however_far_hide_no_wall(far, strays):
+    """The walls are 2 m wide; in 10,500 points as in a tenth of them."""
+    points, normals, _ = box(6, 0.001)
+    away = far * np.random.default_rng(1).normal(size=(strays, 3))
+    for every in (1, 10 if strays == 1 else 3):
+        cloud = np.concatenate([points[::every], points[0] + away])
+        planes = find_planes(cloud, 3)
+        assert len(planes) == 3
+        for normal, short, count in zip(normals, (1.0, 0.7, 0.7), (6000, 3000, 1500), strict=True):
+            limit = 5 * np.sqrt(12 * every) * 0.001 / (short * np.sqrt(count))
+            assert tilt(nearest(planes, normal).normal, normal) < 1.5 * limit
+
+
 def test_pcl_scan_gives_the_plane_that_pcl_expects():
     scan = read_scan(CERTIFIED / "pcl" / "sac_plane_test.pcd", "m")
     plane = find_planes(scan.points_m, 1)[0]
