@@ -71,18 +71,30 @@ class ComparisonStudy:
         return binomial_tail(self.disagreeing, len(self.found), 1.0 - CONFIDENCE)
 
     @property
+    def in_doubt(self) -> tuple[str, ...]:
+        """Names of captures that notes put in doubt, or whose centres differ by more than by u."""
+        rows = [(row.name, row.found) for row in self.rows]
+        return tuple(
+            name for name, one in rows if one and (one.doubts or one.is_shape_contradicted)
+        )
+
+    @property
     def detectable_rad(self) -> float:
         """Smallest detectable bias of toe or of camber, whichever is larger."""
         return max((one.detectable for one in self.agreements), default=math.inf)
 
     @property
     def verdict(self) -> AgreementVerdict:
-        """Overall verdict: "agree" without bias, and if no more disagree than by chance."""
+        """Overall verdict: "agree" without bias, and if no more disagree than by chance.
+
+        With a capture in doubt it is "cannot tell" instead, as of that capture alone: what its
+        methods share, or their uncertainties do not explain, may be that of the others as well.
+        """
         bias = self.bias_probability
         if self.chance_of_disagreeing < EACH or (bias is not None and bias < EACH):
             return "disagree"
         undetectable = self.to_detect_rad is not None and self.detectable_rad > self.to_detect_rad
-        return "cannot tell" if bias is None or undetectable else "agree"
+        return "cannot tell" if bias is None or undetectable or self.in_doubt else "agree"
 
 
 def is_archive_of_captures(source: Path) -> bool:

@@ -18,7 +18,7 @@ from tests.support.validation_cars import TM30, Car, write_capture
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.cli import cli
 from wheelplane.config import Config
-from wheelplane.errors import ConfigError, InputError, WheelplaneError
+from wheelplane.errors import ConfigError, Doubt, InputError, WheelplaneError
 from wheelplane.five_point.file import FivePointFile, read_five_point
 from wheelplane.measurement import Evidence, Observation, Provenance, align
 from wheelplane.report.format.language import load_translations
@@ -456,6 +456,26 @@ def test_the_verdict_of_many_is_of_bias_and_of_single_captures():
     assert scattered.chance_of_disagreeing < EACH
     blind = replace(right, to_detect_rad=right.detectable_rad / 2)
     assert (blind.verdict, replace(right, rows=right.rows[:3]).verdict) == ("cannot tell",) * 2
+
+
+def test_many_agree_only_where_none_is_in_doubt():
+    """As of one capture: what both methods share, or their u does not explain, is no agreement."""
+    found = [replace(Car(seed).compare(station=FINE), vehicle=str(seed)) for seed in range(8)]
+    assert not any(one.doubts or one.is_shape_contradicted for one in found)
+    right = ComparisonStudy("", tuple(Row(f"c{k}", one) for k, one in enumerate(found)), None)
+    assert (right.verdict, right.in_doubt) == ("agree", ())
+    noted = replace(found[3], notes=(Doubt("upside down"),))
+    targets = found[3].first.targets
+    aside = replace(targets[0], centre_m=targets[0].centre_m + np.array([0.0, 0.02, 0.0]))
+    moved = replace(found[3], first=replace(found[3].first, targets=(aside, *targets[1:])))
+    for wrong in (noted, moved):
+        study = replace(right, rows=(*right.rows[:3], Row("c3", wrong), *right.rows[4:]))
+        assert wrong.verdict == study.verdict == "cannot tell"
+        assert study.in_doubt == ("c3",)
+        assert "c3" in verdict_lines(study, load_translations("en"))[-1]
+    biased = survey(lambda _: np.full(4, np.radians(0.02)))
+    doubted = replace(biased.found[-1], notes=noted.notes)
+    assert replace(biased, rows=(*biased.rows[:-1], Row("", doubted))).verdict == "disagree"
 
 
 @pytest.mark.parametrize(

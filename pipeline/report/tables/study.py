@@ -42,7 +42,7 @@ def _capture(row: Row, writer: Writer) -> list[str]:
 
 
 def verdict_lines(study: ComparisonStudy, words: Translations) -> list[str]:
-    """Return the two tests, and whether so few captures suffice."""
+    """Return the two tests, whether so few captures suffice, and which are in doubt."""
     count, probability = len(study.found), study.bias_probability
     units = study.agreements[0].units if study.agreements else count
     key = "bias_needs" if units == count else "bias_needs_vehicles"
@@ -57,6 +57,8 @@ def verdict_lines(study: ComparisonStudy, words: Translations) -> list[str]:
     ]
     if study.to_detect_rad is not None and study.detectable_rad > study.to_detect_rad:
         lines.append(words("study.bias_unseen", size=degrees(study.to_detect_rad, words)))
+    if study.in_doubt:
+        lines.append(words("study.in_doubt", names=", ".join(study.in_doubt)))
     return lines
 
 
