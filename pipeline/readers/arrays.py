@@ -51,8 +51,8 @@ def scan_of_points(points: object, length_unit: str = "m", name: str = "points")
     blocks = (
         layout.block(rows[start : start + BLOCK_ROWS]) for start in range(0, len(rows), BLOCK_ROWS)
     )
-    has_intensity, joined = layout.intensity is not None, _is_joined(points)
-    cloud = RawCloud(len(rows), has_intensity, blocks, unit=layout.unit, is_mesh=joined)
+    joined = _is_joined(points)
+    cloud = RawCloud(len(rows), layout.has_intensity, blocks, unit=layout.unit, is_mesh=joined)
     return gather(cloud, source, length_unit)
 
 
@@ -82,20 +82,20 @@ def _column_names(points: Any) -> list[Any] | None:
 def _named_rows(
     points: Any, names: Sequence[Any], source: Source
 ) -> tuple[npt.NDArray[Any], Layout]:
-    """Return the columns x, y, z, and the intensity if there is one, in that order."""
+    """Return the columns x, y, z, and the intensity or else the colour if there is one."""
     try:
         layout = find_layout([str(name) for name in names])
     except ValueError as error:
         action = "name the columns x, y and z, and intensity if there is one"
         raise fault(source, str(error), action) from None
-    used = [*layout.xyz, *(() if layout.intensity is None else (layout.intensity,))]
-    columns = [_numbers(points[names[index]]) for index in used]
-    for index, column in zip(used, columns, strict=True):
+    columns = [_numbers(points[names[index]]) for index in layout.used]
+    for index, column in zip(layout.used, columns, strict=True):
         if column.dtype.kind not in NUMBER_KINDS or column.shape != columns[0].shape:
             fact = f"the column {names[index]} is of the type {column.dtype}"
             raise fault(source, fact, "give numbers, NaN where there is no return")
     rows = np.column_stack([_filled(column).ravel() for column in columns])
-    return rows, replace(unnamed_layout(len(used)), unit=layout.unit)
+    colour = tuple(range(3, rows.shape[1])) if layout.colour else ()
+    return rows, replace(unnamed_layout(rows.shape[1]), unit=layout.unit, colour=colour)
 
 
 def _check_unit(stated: str | None, length_unit: str, source: Source) -> None:

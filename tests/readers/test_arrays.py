@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from wheelplane.errors import InputError
-from wheelplane.readers import scan_of_points
+from wheelplane.readers import read_scan, scan_of_points
 from wheelplane.readers.arrays import BLOCK_ROWS
 
 POINTS = np.random.default_rng(0).normal(size=(50, 3))
@@ -74,6 +74,27 @@ def test_named_columns_are_found_by_name_in_any_order(given):
     scan = scan_of_points(given)
     assert np.array_equal(scan.points_m, POINTS)
     assert np.array_equal(scan.intensity, SHADE)
+
+
+COLOUR = np.random.default_rng(3).integers(0, 256, (len(POINTS), 3)).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        frame("x y z red green blue", POINTS, COLOUR),
+        frame("b z g y r x", *np.column_stack([COLOUR, POINTS]).T[[2, 5, 1, 4, 0, 3]]),
+        np.rec.fromarrays([*COLOUR.T, *POINTS.T], names="red,green,blue,x,y,z"),
+    ],
+)
+def test_without_intensity_the_luminance_of_a_colour_counts_as_of_a_file(given, tmp_path):
+    scan, file = scan_of_points(given), tmp_path / "a.xyz"
+    rows = [" ".join(map(repr, row)) for row in np.column_stack([POINTS, COLOUR]).tolist()]
+    file.write_text("x y z red green blue\n" + "\n".join(rows) + "\n")
+    assert np.array_equal(scan.points_m, POINTS)
+    assert np.array_equal(scan.intensity, read_scan(file).intensity)
+    shaded = scan_of_points(frame("x y z red green blue i", POINTS, COLOUR, SHADE))
+    assert np.array_equal(shaded.intensity, SHADE)
 
 
 def test_columns_that_are_only_counted_are_x_y_z_and_those_without_intensity_have_none():

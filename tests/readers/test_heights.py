@@ -96,6 +96,25 @@ def test_a_height_of_nines_among_others_is_a_height(tmp_path):
     assert scan.invalid_points == 0
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_greatest_height_is_no_mark_for_its_digits(tmp_path, sign):
+    """A surface of up to 9.999 is read whole; one far from 9.999 has marks there."""
+    heights = sign * np.round(9.9 + 0.09 * np.random.default_rng(2).uniform(size=HEIGHTS.shape), 4)
+    heights[2, 2:5] = sign * 9.999
+    scan = read(tmp_path, matrix(heights=heights))
+    assert scan.invalid_points == 0
+    assert scan.points_m.tolist() == expected(heights).tolist()
+    heights -= sign * 5.0
+    heights[2, 2:5] = sign * 9.999
+    assert read(tmp_path, matrix(heights=heights)).invalid_points == 3
+
+
+def test_marks_at_both_ends_are_marks(tmp_path):
+    heights = HEIGHTS.copy()
+    heights[1, 3], heights[4, 4:6] = 99999.9999, -99999.9999
+    assert read(tmp_path, matrix(heights=heights)).invalid_points == 3
+
+
 @pytest.mark.parametrize(
     ("head", "pitch", "unit"),
     [

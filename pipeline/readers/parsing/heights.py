@@ -30,6 +30,7 @@ _PITCH = {
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "in": 0.0254, "ft": 0.3048}
 _INTEGER_LIMITS = (-32768.0, -2147483648.0)
 _FEWEST_NINES, _FEWEST_IN_STEPS, _LONGEST_LINE = 4, 8, 200
+_APART = 0.25  # of the span of the other heights: a mark lies farther from the nearest of them
 
 
 @dataclass(frozen=True)
@@ -94,12 +95,25 @@ def height_blocks(heights: Heights, tables: Iterable[Array], source: Source) -> 
 
 
 def _marks(heights: Array) -> Iterator[float]:
-    """Yield the lowest and highest value where they mark missing heights: -9999, -99999.9999."""
+    """Yield the lowest and highest value where they mark missing heights: -9999, -99999.9999.
+
+    A value of nines does if it stands apart from the heights; a surface of 9.999 is one.
+    """
     there = heights[np.isfinite(heights)]
-    for value in (there.min(), there.max()) if len(there) else ():
-        digits = f"{abs(value):.4f}".rstrip("0").replace(".", "")
-        if value in _INTEGER_LIMITS or (len(digits) >= _FEWEST_NINES and set(digits) == {"9"}):
-            yield float(value)
+    ends = {float(value) for value in (there.min(), there.max())} if len(there) else set()
+    nines = {value for value in ends if _is_of_nines(value)}
+    rest = there[~np.isin(there, list(nines))]
+    for value in ends:
+        apart = float(np.abs(rest - value).min(initial=np.inf))
+        is_apart = not len(rest) or apart > _APART * float(np.ptp(rest))
+        if value in _INTEGER_LIMITS or (value in nines and is_apart):
+            yield value
+
+
+def _is_of_nines(value: float) -> bool:
+    """Return whether the digits of a value are nines alone, four or more."""
+    digits = f"{abs(value):.4f}".rstrip("0").replace(".", "")
+    return len(digits) >= _FEWEST_NINES and set(digits) == {"9"}
 
 
 def _counts_up(table: Array) -> bool:
