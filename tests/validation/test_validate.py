@@ -400,7 +400,9 @@ def test_a_broken_capture_is_a_row_with_its_reason(archive, tmp_path):
 def test_an_archive_against_the_truth(archive):
     done = run("validate", archive, "--truth", "--json")
     tree = json.loads(done.stdout)
-    assert {row["name"] for row in tree["captures"] if row["reason"]} == {"broken"}
+    reasons = {row["name"]: row["reason"] for row in tree["captures"] if row["reason"]}
+    assert set(reasons) == {"broken", "without"}
+    assert "it has the scans of packed.zip" in reasons["without"]
     score = tree["scores"]["toe"]
     assert abs(score["bias_deg"]) <= score["rms_deg"] <= abs(score["worst_deg"]) < 0.05
     assert tree["captures"][1]["second"] == "truth"
