@@ -100,9 +100,8 @@ def _unread(
     """
     of_it = [one for one in readings.rows if one.quantity == result.quantity]
     read = {one.point for one in of_it if one.state == result.state}
-    known = [name for one in references for name in one.wheels]
-    if result.quantity not in READ_AT_ALL:
-        known = []
+    at_all = references if result.quantity in READ_AT_ALL else ()
+    known = [name for one in at_all for name in one.wheels]
     if result.state == "as left":
         known += [one.point for one in of_it]
     return tuple(name for name in dict.fromkeys(known) if name not in read)
@@ -153,8 +152,8 @@ def by_series(references: Sequence[Reference]) -> tuple[Reference, ...]:
         return (Reference(references[0].measurement),)
     first: dict[frozenset[str], Measurement] = {}
     measured = [
-        first.setdefault(frozenset(inputs), one.measurement) if inputs else one.measurement
+        first.setdefault(known, one.measurement) if known else one.measurement
         for one in references
-        for inputs in [one.measurement.provenance.inputs.values()]
+        for known in [one.measurement.provenance.checksums]
     ]
     return tuple(Reference(one, str(k)) for k, one in enumerate(measured, 1))

@@ -135,9 +135,9 @@ def _check_rolled(entries: list[ScanEntry], where: str) -> None:
     if not any(e.role == "runout" and e.turn and e.turn.position for e in entries):
         return
     for entry in entries:
-        kinds = {"sweep": "is of a sweep", "trial": "is a trial"}
-        if entry.role in kinds or entry.repeats is not None:
-            what = f"repeats {entry.repeats}" if entry.repeats else kinds[entry.role]
+        if entry.role in ("sweep", "trial"):
+            own = "is of a sweep" if entry.role == "sweep" else "is a trial"
+            what = f"repeats {entry.repeats}" if entry.repeats else own
             raise InputError(
                 f"{where}: {entry.name!r} {what}, in a capture of a vehicle that rolled, whose "
                 "wheels are means over its positions: put it into a capture of its own"

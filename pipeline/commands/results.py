@@ -15,7 +15,7 @@ from typing import Any, get_args
 import click
 from click.core import ParameterSource
 
-from ..batch.catalogue import catalogue as index
+from ..batch.catalogue.catalogue import FILE as CATALOGUE
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
 from ..batch.catalogue.rows import STATUSES
 from ..batch.operation import times
@@ -286,7 +286,7 @@ def results(
         raise InputError(
             "--xlsx -, --parquet -, --html -, --pdf -: only --csv is printed: give a file"
         )
-    keep_inputs(written, [Path(results) / index.FILE])
+    keep_inputs(written, [Path(results) / CATALOGUE])
     reports = {"html": html_file, "pdf": pdf_file}
     options = report_options(load_config(config).report, language, query.view)
     if csv_file == PIPE and (modes or as_json):

@@ -104,20 +104,15 @@ def over_positions(measurement: Measurement) -> Measurement:
 
 def is_rolled(result: WheelResult) -> bool:
     """Return whether a scan is of a vehicle that has rolled since the reference scans."""
-    return _position(result.observation) is not None
-
-
-def _position(one: Observation) -> str | None:
-    return one.turn.position if one.role == "runout" and one.turn is not None else None
+    return result.observation.rolled is not None
 
 
 def _positions(observations: Sequence[Observation]) -> dict[str, list[Observation]]:
     """Return the scans of each position of a rolled vehicle, in the order RR, RL, FR, FL."""
     found: dict[str, list[Observation]] = {}
     for one in observations:
-        position = _position(one)
-        if position is not None:
-            found.setdefault(position, []).append(one)
+        if one.rolled is not None:
+            found.setdefault(one.rolled, []).append(one)
     return {
         position: sorted(four, key=lambda one: REFERENCE_WHEELS.index(str(one.wheel)))
         for position, four in found.items()

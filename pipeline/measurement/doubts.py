@@ -201,8 +201,9 @@ def check_positions(observations: Sequence[Observation], source: str) -> None:
     for one in observations:
         if one.role not in ("sweep", "runout") or one.evidence is None:
             continue
-        rolled = one.role == "runout" and one.turn is not None and one.turn.position is not None
-        first = [references[one.wheel]] if rolled and one.wheel in references else []
+        first = (
+            [references[one.wheel]] if one.rolled is not None and one.wheel in references else []
+        )
         before = positions.setdefault((one.role, one.wheel), first)
         copied = next((other.name for other in before if are_copies(other, one)), None)
         if copied is not None:

@@ -97,6 +97,11 @@ class Observation:
     is_mesh: bool = False
 
     @property
+    def rolled(self) -> str | None:
+        """Position of a vehicle that rolled, of which the scan is; None of others."""
+        return self.turn.position if self.role == "runout" and self.turn is not None else None
+
+    @property
     def fitted(self) -> TargetFit:
         """Fitted target, on its wheel where it is carried there. Raises ValueError without."""
         if self.evidence is None:
@@ -198,6 +203,11 @@ class Provenance:
     seed: int
     naming: Naming | None = None
     date: str | None = None
+
+    @property
+    def checksums(self) -> frozenset[str]:
+        """Checksums of the inputs, by which results are known to be of the same files."""
+        return frozenset(self.inputs.values())
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -167,7 +167,7 @@ def _scans(row: Row) -> frozenset[str]:
     """Return the checksums of the files of the first method; empty where nothing was compared."""
     if row.found is None or not row.found.origins:
         return frozenset()
-    return frozenset(row.found.origins[0].inputs.values())
+    return row.found.origins[0].checksums
 
 
 def _row(

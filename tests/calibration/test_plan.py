@@ -69,7 +69,7 @@ def test_the_planned_uncertainties_are_those_of_calibrations(series):
 
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_a_hysteresis_of_several_series_is_planned_from_their_scatter(repeats):
-    """Of single readings, too: u is that of the readings, its degrees of freedom of the series."""
+    """Single readings too: u is that of the readings, degrees of freedom those of the series."""
     plan = PLAN.model_copy(update={"series": 3, "repeats": repeats})
     reference = Bay(seed=1).reference()
     set_ = planned_set("toe", plan, ITEM, reference)

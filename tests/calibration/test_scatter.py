@@ -114,7 +114,7 @@ NESTED = [("0", "0"), ("1", "0"), ("2", "1"), ("3", "1")]  # each series by one 
     ],
 )
 def test_what_series_and_operators_share_is_covered(levels, of_series, of_operators, least):
-    """What all series of an operator share does not average out over them, nor the reverse."""
+    """An operator's share does not average out over series, nor a series' over operators."""
     rng, count, points = np.random.default_rng(1), 300, 3
     series, operators = np.array(levels, int).T
     covered, squares = [], []
@@ -315,7 +315,7 @@ def test_hysteresis_is_the_mean_difference_of_directions():
     ("common", "own", "count"), [(0.0, 0.0, 3), (0.5, 0.0, 3), (0.0, 0.5, 3), (0.5, 0.5, 1)]
 )
 def test_a_hysteresis_that_differs_from_series_to_series_is_covered(common, own, count):
-    """Of all points alike, and of each; single readings as well, which nothing else shows."""
+    """All points alike, and each alone; single readings as well, which nothing else shows."""
     rng, covered, draws = np.random.default_rng(13), [], 300
     half = np.array([0.5, -0.5]).reshape(1, 1, 2, 1)
     for _ in range(draws):

@@ -220,7 +220,7 @@ def test_voxels_hold_every_point_once(cloud, backend):
 @pytest.mark.parametrize("stray", [(-1e6, 0, 0), (3e5, -3e5, 9e9), (0, 8e4, -8e4), (9e9, 9e9, 9e9)])
 @pytest.mark.parametrize("offset", [0.0, 5e6])
 def test_voxels_are_those_without_the_strays(stray, offset, backend):
-    """Of 0.03 m: their keys reach 63 km."""
+    """Voxels of 0.03 m, whose keys reach 63 km."""
     points = np.random.default_rng(1).normal(0.0, 3.0, (20_000, 3)) + offset
     far = np.vstack([points[:7000], np.array([stray]) + offset, points[7000:]])
     alone, found = (voxels_without_strays(one, 0.03) for one in (points, far))

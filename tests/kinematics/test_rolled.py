@@ -114,7 +114,7 @@ def test_a_stated_mounting_turns_with_the_wheel_and_is_not_in_the_mean():
 
 
 def test_tyre_run_out_turns_with_the_wheel_whatever_its_degrees_of_freedom():
-    """Of a flatness that a fit observed in each scan the mean is not free."""
+    """A flatness that a fit observed in each scan stays in the mean."""
     u = {}
     for name in ("tyre run-out", "flatness"):
         tilt = np.vstack([0.002 * np.eye(3), np.zeros((3, 3))])

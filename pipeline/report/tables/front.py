@@ -122,7 +122,7 @@ def changes_table(measurement: Measurement, before: Earlier, writer: Writer) -> 
 
 def is_of_same_scans(measurement: Measurement, before: Earlier) -> bool:
     """Return whether what was before is by the same scans, evaluated otherwise."""
-    return before.inputs != set() and before.inputs == set(measurement.provenance.inputs.values())
+    return bool(before.inputs) and before.inputs == measurement.provenance.checksums
 
 
 def _axle(
