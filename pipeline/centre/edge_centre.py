@@ -225,7 +225,7 @@ def _by_edge(
             method,
             centre,
             edge_fit.covariance_m2,
-            model * np.eye(2) + _by_backgrounds(edge_fit) + _by_chamfer(edge_fit),
+            model * np.eye(2) + _by_backgrounds(edge_fit) + _by_form(edge_fit),
             edge_fit.by_plane,
             edge_fit.dof,
             shown,
@@ -543,8 +543,6 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     """
     square = float(edge_fit.beam @ edge_fit.beam)
     spread: float = (view.config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
-    if edge_fit.by_thickness_m is not None:
-        spread += BY_THICKNESS**2 * float(edge_fit.by_thickness_m @ edge_fit.by_thickness_m)
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2 + edge_fit.rows_m**2 / 2.0
     if edge_fit.exponent is not None:
@@ -601,12 +599,16 @@ def _by_backgrounds(edge_fit: EdgeFit) -> Array:
     return np.asarray(edge_fit.unlike_m**2 * shares)
 
 
-def _by_chamfer(edge_fit: EdgeFit) -> Array:
-    """Return the covariance (2, 2) of a centre by the form of an edge that is not stated.
+def _by_form(edge_fit: EdgeFit) -> Array:
+    """Return the covariance (2, 2) of a centre by the form of an edge, as far as it is in doubt.
 
-    By its chamfer, and by what a rounded edge would move: the fit is of one between both.
+    By its thickness; by its chamfer, where that is not stated, and by what a rounded edge would
+    move: the fit is of one between both. Each moves the centre along one line, that of the beams.
     """
     covariance = np.zeros((2, 2))
+    if edge_fit.by_thickness_m is not None:
+        by_m = BY_THICKNESS * edge_fit.by_thickness_m
+        covariance += np.outer(by_m, by_m)
     if edge_fit.by_chamfer_m is not None:
         covariance += np.outer(edge_fit.by_chamfer_m, edge_fit.by_chamfer_m)
     if edge_fit.by_round is not None:

@@ -216,7 +216,9 @@ HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 
 HELD_SIZE_M = 1e-5  # of an edge of the stated size (k = 1)
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
 SIZE_M = 1e-4  # of a target's radius, or half its width, against the stated one (k = 1)
-CHAMFER_M, STATED_CHAMFER_M = 3e-4, 5e-5  # of an edge's chamfer, not stated; stated (k = 1)
+# Width of an edge's chamfer that is not stated: likeliest one, as deburring leaves it, and its u;
+# its rms. u of a stated one (k = 1).
+LIKELY_CHAMFER_M, U_CHAMFER_M, CHAMFER_M, STATED_CHAMFER_M = 2e-4, 2e-4, 3e-4, 5e-5
 ALIKE_CHAMFER_M = 1e-4  # of the chamfers of two edges of one plate (k = 1)
 MODULATION_SIGMA, HELD_MODULATION = 100.0, 1e-3  # 1/m^2, of a scanner; of one without (k = 1)
 ALIKE_MODULATION = 20.0  # of two edges of one scan (k = 1)
@@ -289,7 +291,9 @@ class Prior:
 
     def bevelled(self) -> Prior:
         """Return the prior of an edge that may have a chamfer, instead of a sharp one."""
-        return self._known_to(CHAMFER_M, CHAMFER)
+        mean = self.mean.copy()
+        mean[CHAMFER] = LIKELY_CHAMFER_M
+        return Prior(mean, self.weight)._known_to(U_CHAMFER_M, CHAMFER)
 
     def of_held_chamfer(self, chamfer_m: float) -> Prior:
         """Return the prior with a chamfer that is held at that width, and a held modulation."""

@@ -67,9 +67,12 @@ DIFFERENT, SURELY, CLEARLY = 0.1, 0.2, 4000
 CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move that starts anew
 EVENED, SLIGHTLY_UNEVEN = 5, 0.4  # times; mean residual, over u, of sectors that contradict it
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
+# First iterations of a fit from another solution, at which it is, too, while steps of the centre
+# are longer; how far from it a fit has gone astray.
+OWN_LOOKS, OWN_M, ASTRAY_M = 8, 2e-6, 5e-4
 LEAST, LEAST_COVERED = 24, 0.25  # points about an edge; share of it with a background
 MOST_OF_FEW = 20  # iterations of each fit to few points
-NEAR_STEP_M = 1e-6  # of the centre, that ends a fit with the background of another solution
+NEAR_STEP_M = 1e-6  # of the centre, that ends a fit from another solution
 FAR_M = 5e-5  # step of the growth, after which other points lie near the edge
 NEAR_MODULATION = 1.0  # of the modulation, 1/m^2, that ends a fit
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
@@ -386,14 +389,20 @@ def _bevelled(problem: EdgeProblem, sharp: Solution, most: int) -> Solution:
     wide = sharp.state.copy()
     wide[CHAMFER] = CHAMFER_M
     held = replace(problem, prior=problem.prior.of_held_chamfer(CHAMFER_M))
-    other = _again(problem, _again(held, replace(sharp, state=wide), most), most)
+    other = _near(problem, _again(held, replace(sharp, state=wide), most), most)
     return other if other.state[CHAMFER] > 0.0 and not explains_less(other, found) else found
 
 
 def _near(problem: EdgeProblem, found: Solution, most: int) -> Solution:
-    """Return the solution with consistent slopes from another's background, which lies near it."""
+    """Return the solution with consistent slopes from another one, before its own background.
+
+    That of an edge taken for sharp would hold a chamfer near none: size and ratio make up for it.
+    Before the other's where it goes astray.
+    """
     about = problem.about(found.state)
-    again = _converge(about, found.state, found.zones, most, True, found.background)
+    again = _converge(about, found.state, found.zones, most, True, own=True)
+    if not again.converged or float(np.abs((again.state - found.state)[CENTRE]).max()) > ASTRAY_M:
+        again = _converge(about, found.state, found.zones, most, True, found.background)
     return replace(again, iterations=max(again.iterations, found.iterations))
 
 
@@ -536,22 +545,24 @@ def _converge(
     most: int,
     consistent: bool,
     background: Background | None = None,
+    own: bool = False,
 ) -> Solution:
     """Iterate steps, Newton's near a solution, until the centre converges.
 
-    background: None: by a new look-up. consistent: with slopes at the profile's depth; a first fit
-    has others, and ROUGH_POINTS.
+    consistent: with slopes at the profile's depth; a first fit has others, and ROUGH_POINTS.
+    background: None: by a new look-up. own: before that of its solution.
     """
     ends_m = STEP_M if consistent else ROUGH_M
     if not consistent:
         most, problem = min(most, MOST_ROUGH), problem.of_some(ROUGH_POINTS)
+    if own or background is not None:
+        ends_m = NEAR_STEP_M
     if background is None:
         background = problem.background(state)
-    else:
-        ends_m = NEAR_STEP_M
-    length, before, follows = 1.0, np.zeros(2), False
+    length, before, follows, last_m = 1.0, np.zeros(2), False, math.inf
     for iteration in range(1, most + 1):
-        if not consistent and iteration in LOOKS:
+        looks = 1 < iteration <= OWN_LOOKS and last_m > OWN_M if own else iteration in LOOKS
+        if looks and (own or not consistent):
             background = problem.background(state)
         elif follows:
             background = problem.compared(background, state)
