@@ -175,7 +175,7 @@ def _write_scan(
         plate = kit.plate(wheel.wheel)
         scene = build_scene(car, wheel, plate, position_m, mount, obstacles, kit.surfaces)
     else:
-        scene = bare_scene(car, wheel, bare, position_m, obstacles=obstacles, clamped=clamped)
+        scene = bare_scene(car, wheel, bare, position_m, 0.0, obstacles, clamped, kit.surfaces)
     R_site_vehicle = car.T_site_vehicle[:3, :3]
     centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
     if kit.sensor.kind == "laser-scanner":

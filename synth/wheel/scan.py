@@ -9,10 +9,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..parameters.instruments import Instruments
-from ..parameters.parameters import BareWheel
+from ..parameters.parameters import BareWheel, Surfaces
 from ..parameters.plate_file import BareWheelFile
 from ..scene.optics import Surface, optics_of
-from ..scene.scene import Scene, around, seen_from
+from ..scene.scene import BUILT, Scene, around, seen_from
 from ..scene.solids import Solid
 from ..vehicle.turning import Turning
 from ..vehicle.vehicle import WHEELS, Vehicle, Wheel
@@ -54,6 +54,7 @@ def bare_scene(
     turn_rad: float = 0.0,
     obstacles: Sequence[Solid] = (),
     clamped: Clamped | None = None,
+    surfaces: Surfaces = BUILT,
 ) -> Scene:
     """Build the scene of one bare wheel for the scanner at `station_vehicle_m` (3,).
 
@@ -65,7 +66,7 @@ def bare_scene(
     if clamped:
         solids += clamped.before(wheel, drawn)
     solids += around(vehicle, wheel)
-    scene = seen_from(station_vehicle_m, solids, mounted, vehicle)
+    scene = seen_from(station_vehicle_m, solids, mounted, vehicle, surfaces)
     return replace(scene, optics=optics_of(solids, surfaces_of(drawn.form)))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.support.bare_wheels import CONFIGS, draw_bay, recipes
+from tests.support.made import IDEAL, changed, read_ply
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.output.whole import write_whole
@@ -63,7 +64,18 @@ def test_a_tyre_too_low_for_its_rim_is_refused():
     assert flange_radius_m(body, draw_bay(1).drawn.form) > body.rim_diameter_m / 2.0
 
 
-@pytest.mark.slow
+def test_a_real_wheel_is_as_bright_as_the_scanner_file_states(tmp_path, monkeypatch):
+    """Of black tyres on a black floor no light returns; from the car's other parts it does."""
+    for ring in ("tyre", "rim"):  # coarse, which changes no albedo
+        monkeypatch.setattr(f"wheelplane_synth.wheel.{ring}.SECTIONS", 60)
+    values = {"grid.spacing_m": 0.04, "surfaces": {"tyre": 0.0, "floor": 0.0}}
+    files = {"scanner": changed(IDEAL, tmp_path, values), "target": CONFIGS / "targets/wheel.toml"}
+    car = CONFIGS / "vehicles" / "saloon-bare-wheels.toml"
+    write_capture(tmp_path / "c", seed=5, trials=0, vehicle=car, **files)
+    _, intensity = read_ply(tmp_path / "c" / "fl.ply")
+    assert 0.2 < np.mean(intensity == 0.0) < 0.8
+
+
 @pytest.mark.slow
 def test_a_capture_states_both_axes_and_is_the_same_again(tmp_path):
     scanner = tmp_path / "coarse.toml"
