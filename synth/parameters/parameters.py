@@ -198,8 +198,9 @@ class Beam(Section):
     noise_by_brightness, k: the range noise of a surface is (0.8 / albedo)^k times that of a light
     one; 0.5 where the noise of the light rules, 1 where that of the receiver does.
     return_mode: which return of a spot that meets several surfaces is reported: the average of
-    all, or the first, last or strongest of those that are range_gate_m or more apart; or two, the
-    first and the last, each as a point (a multi-echo scanner; scans of single wheels only).
+    all, or the first, last or strongest (by its intensity) of those that are range_gate_m or more
+    apart; or two, the first and the last, each as a point (a multi-echo scanner; scans of single
+    wheels only).
     ambiguity_m: of a phase-shift scanner, half the shortest wavelength of its modulation, whose
     phases add as vectors; 0: an average is the mean of the ranges.
     detector_threshold: least power detected, albedo * cosine / range^2 of a whole spot, as the

@@ -11,10 +11,11 @@ from ..parameters.parameters import Beam
 def reported_return(range_m: Array, power: Array, beam: Beam) -> Mask:
     """Return the sub-rays (N, K) of the return that each of N beams reports.
 
-    range_m, power: (N, K) of the sub-rays; power is 0 without an echo. Two echoes less than the
-    range gate apart, or joined by echoes between them, are one return: the pulse, or the ambiguity
-    of its detection, is as long. A return is detected if its power reaches the threshold; where
-    none is, all False.
+    range_m, power: (N, K) of the sub-rays; power, as it leaves the surfaces, is 0 without an echo.
+    Two echoes less than the range gate apart, or joined by echoes between them, are one return: the
+    pulse, or the ambiguity of its detection, is as long. What arrives of it falls with its range
+    squared, as the intensity; it is detected if that reaches the threshold; where none does, all
+    False.
     """
     met = power > 0.0
     order = np.argsort(np.where(met, range_m, np.inf), axis=1, kind="stable")
@@ -27,10 +28,9 @@ def reported_return(range_m: Array, power: Array, beam: Beam) -> Mask:
     count = int(number.max()) + 1
     rows = np.arange(len(met))[:, None]
     powers = np.zeros((len(met), count))
-    np.add.at(powers, (np.broadcast_to(rows, met.shape), number), power)
-    nearest_m = np.nanmin(np.where(met, range_m, np.nan), axis=1, initial=np.inf)
-    least = beam.detector_threshold * np.where(np.isfinite(nearest_m), nearest_m, 1.0) ** 2
-    detected = (powers > 0.0) & (powers / met.shape[1] >= least[:, None])
+    arrived = power / np.where(met, range_m, 1.0) ** 2
+    np.add.at(powers, (np.broadcast_to(rows, met.shape), number), arrived)
+    detected = (powers > 0.0) & (powers / met.shape[1] >= beam.detector_threshold)
     chosen = _chosen(detected, powers, beam.return_mode)
     return np.asarray(met & (number == chosen[:, None]) & detected.any(axis=1)[:, None])
 

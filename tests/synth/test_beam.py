@@ -336,6 +336,27 @@ def test_the_first_return_is_the_first_that_the_detector_sees(threshold, far):
     assert np.mean(np.isclose(echoes.range_m, wanted_m, atol=1e-5, equal_nan=True)) > 0.98
 
 
+@pytest.mark.parametrize("albedos", [(0.8, 0.8), (0.3, 0.8), (0.1, 0.8)])
+def test_the_strongest_return_is_the_one_of_the_higher_intensity(albedos):
+    """Two metres behind, where a quarter of the power arrives."""
+    scene, aside_m = half_planes(albedos, deep_m=NEAR_M), 0.1 * W_M
+    found = {mode: one_return(mode, aside_m, scene) for mode in ("first", "last", "strongest")}
+    of = {m: (e.reflectance * e.cosine / e.range_m**2).mean() for m, e in found.items()}
+    higher = "first" if of["first"] > of["last"] else "last"
+    assert found["strongest"].range_m.mean() == pytest.approx(found[higher].range_m.mean())
+    assert (higher == "first") == (albedos[0] > 0.2)
+
+
+def test_a_last_return_that_the_detector_misses_leaves_the_one_before():
+    """58 % of the spot are 4 m off: 0.8 * 0.58 / 4^2 = 0.029 of power; the near 42 %: 0.084."""
+    scene, least = half_planes(deep_m=NEAR_M), {"detector_threshold": 0.035}
+    for mode in ("last", "strongest"):
+        echoes = one_return(mode, 0.1 * W_M, scene, **least)
+        assert np.mean(np.isclose(echoes.range_m, NEAR_M, atol=1e-5)) > 0.98
+        power = echoes.reflectance * echoes.cosine / echoes.range_m**2
+        assert power.min() >= least["detector_threshold"]
+
+
 def test_a_surface_that_returns_less_than_the_threshold_is_not_there(tmp_path):
     """Albedos of 0.05 and 0.8 at 2 to 3 m: at most 0.0125 and at least 0.07 of power."""
     values = {"surfaces": {"dark_part": "half", "dark": 0.05}, "beam.detector_threshold": 0.02}
