@@ -6,6 +6,7 @@ Station coordinates have the axes of the site and the origin in the scanner.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -65,6 +66,14 @@ class Scan:
         )
 
 
+@dataclass(frozen=True)
+class SharedNoise:
+    """Range noise that beams share: correlated, of unit variance, and of lines; (N,) or empty."""
+
+    correlated: Array
+    of_line_m: Array
+
+
 def draw_stand(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Generator) -> Stand:
     """Draw a position in any direction round the target's axis, within the allowed heights."""
     station = recipe.draw("station", Station, rng)
@@ -105,10 +114,15 @@ def scan(
     true = directions(azimuth + jitter[0] / np.cos(elevation), elevation + jitter[1])
     caster = RayCaster(scene.vertices_m, scene.faces)
 
+    @cache
+    def shared() -> SharedNoise:
+        return shared_noise(elevation, grid, beam, rng)
+
     def reported(echoes: Echoes) -> Scan:
         range_m = echoes.range_m.reshape(elevation.shape)
         angles = measured_angles(azimuth, elevation, range_m, calibration)
-        noise_m = _range_noise(echoes, elevation, grid, beam, rng)
+        noise_m = rng.normal(0.0, 1.0, elevation.size)
+        noise_m = range_noise(noise_m, shared(), echoes, beam)
         if scene.optics is not None:
             echoes, noise_m = by_surfaces(echoes, noise_m, scene.optics, rng)
         nominal = directions(*angles).reshape(-1, 3)
@@ -166,23 +180,34 @@ def _window(
     return wide, high
 
 
-def _range_noise(
-    echoes: Echoes, elevation: Array, grid: Grid, beam: Beam, rng: np.random.Generator
-) -> Array:
-    """Draw the range noise (H * W,): independent, correlated over a length, and by scan lines.
+def shared_noise(elevation: Array, grid: Grid, beam: Beam, rng: np.random.Generator) -> SharedNoise:
+    """Draw the range noise that beams of a grid (H, W) share, and all returns of each beam.
 
     Columns of the grid are closer than its rows by the cosine of the elevation.
     """
-    noise_m = rng.normal(0.0, 1.0, elevation.size) * range_sigma_m(beam.range_sigma_m, echoes, beam)
+    correlated, of_line_m = np.zeros(0), np.zeros(0)
     if beam.correlated_sigma_m > 0.0:
         steps = beam.correlation_length_m / grid.spacing_m
         level = float(np.cos(np.mean(elevation)))
         lengths = (steps, beam.correlation_aspect * steps / level)
         correlated = gaussian_field(elevation.shape, lengths, rng).ravel()
-        noise_m += correlated * range_sigma_m(beam.correlated_sigma_m, echoes, beam)
     if beam.line_sigma_m > 0.0:
         lines = elevation.shape[0] if beam.scan_lines == "rows" else elevation.shape[1]
-        noise_m += beam.line_sigma_m * along_lines(rng.standard_normal((lines,)), elevation, beam)
+        offset = rng.standard_normal((lines,))
+        of_line_m = beam.line_sigma_m * along_lines(offset, elevation, beam)
+    return SharedNoise(correlated, of_line_m)
+
+
+def range_noise(own: Array, shared: SharedNoise, echoes: Echoes, beam: Beam) -> Array:
+    """Return the range noise (N,): independent, correlated over a length, and by scan lines.
+
+    own: (N,) independent draws, unit variance.
+    """
+    noise_m = own * range_sigma_m(beam.range_sigma_m, echoes, beam)
+    if len(shared.correlated):
+        noise_m += shared.correlated * range_sigma_m(beam.correlated_sigma_m, echoes, beam)
+    if len(shared.of_line_m):
+        noise_m += shared.of_line_m
     return noise_m
 
 

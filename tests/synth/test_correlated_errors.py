@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.support.made import chi_square_bounds, of_spot
+from tests.synth.test_beam import MODES, NEAR_M, half_planes
 from wheelplane_synth.parameters.parameters import Grid
 from wheelplane_synth.scanner.scanner import scan
 from wheelplane_synth.scene.scene import Scene
@@ -67,3 +70,29 @@ def test_correlation_falls_along_either_axis_as_stated(aspect):
         # A field holds about n s^2 / (pi L^2 aspect) independent values.
         independent = field.size * GRID.spacing_m**2 / (np.pi * length_m**2 * aspect)
         assert np.mean(one * other) == pytest.approx(wanted, abs=5 / np.sqrt(independent))
+
+
+@pytest.mark.parametrize(
+    "shared",
+    [
+        {"line_sigma_m": 0.001},
+        {"correlated_sigma_m": 0.001, "correlation_length_m": 0.02},
+    ],
+)
+def test_two_returns_of_a_beam_share_what_the_beams_beside_it_share(shared):
+    """Errors against the same scan without noise: of both returns they are the same."""
+    scene = half_planes(deep_m=NEAR_M / 2)
+    scene = replace(scene, target=np.full(len(scene.faces), -1))
+    centre_m, range_m = np.array([NEAR_M, 0.0, 0.0]), []
+    for more in ({}, shared):
+        beam = of_spot(0.01, **MODES, return_mode="two", **more)
+        seen = scan(scene, centre_m, GRID, beam, np.random.default_rng(3)).points_station_m
+        range_m.append(np.linalg.norm(seen, axis=1))
+    error_m = range_m[1] - range_m[0]
+    beams = np.round(seen / range_m[1][:, None], 9)
+    first = {beam: k for k, beam in reversed(list(enumerate(map(tuple, beams))))}
+    pairs = [(first[tuple(beam)], k) for k, beam in enumerate(beams)]
+    one, other = np.array([pair for pair in pairs if pair[0] != pair[1]]).T
+    assert len(one) > 100
+    assert error_m[one] == pytest.approx(error_m[other], abs=1e-5)  # unlike cosines
+    assert np.std(error_m[one]) > 5e-4
