@@ -12,6 +12,8 @@ from ..arrays import Array, Mask
 from ..scene.scene import PlacedTarget, Scene
 from .raycast import RayCaster
 
+FARTHEST_M = 0.02
+
 
 @dataclass(frozen=True)
 class Echoes:
@@ -34,7 +36,8 @@ def trace(scene: Scene, caster: RayCaster, origins_m: Array | float, directions:
 
     The range is recomputed in double precision from the facet's plane, on a target's face with its
     form; the reflectance of a print likewise. The coarse range is kept where the two differ by
-    1 mm, as on facets seen edge-on.
+    1 mm, as on facets seen edge-on, and the plane's where a form would be FARTHEST_M off along the
+    beam.
     """
     facet, coarse = caster.cast(origins_m, directions)
     missed = facet < 0
@@ -42,15 +45,17 @@ def trace(scene: Scene, caster: RayCaster, origins_m: Array | float, directions:
     cosine = np.einsum("ij,ij->i", normals, directions)
     height = scene.offsets_m[facet]
     number = np.where(missed, -1, scene.target[facet])
-    for k, target in enumerate(scene.targets):
-        if len(target.form.wave):
-            met = number == k
-            height[met] += target.form.height_m(_hits(target, origins_m, directions, coarse, met))
     if np.ndim(origins_m) > 0:
         height = height - np.einsum("ij,ij->i", normals, np.asarray(origins_m))
     with np.errstate(divide="ignore", invalid="ignore"):
         range_m = height / cosine
         range_m = np.where(np.abs(range_m - coarse) < 1e-3, range_m, coarse)
+    for k, target in enumerate(scene.targets):
+        if len(target.form.wave):
+            met = number == k
+            form_m = target.form.height_m(_hits(target, origins_m, directions, range_m, met))
+            edge_on = np.abs(form_m) > FARTHEST_M * np.abs(cosine[met])
+            range_m[met] += np.where(edge_on, 0.0, form_m) / cosine[met]
     range_m[missed] = np.nan
     reflectance = scene.reflectance[facet]
     for k, target in enumerate(scene.targets):

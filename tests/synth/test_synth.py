@@ -571,6 +571,23 @@ def test_points_lie_on_the_form_and_within_the_flatness(tmp_path):
     assert np.abs(off - mount.form.height_m(uv)).max() < 0.5 * 0.0005 * steepest
 
 
+def test_a_form_is_seen_as_it_is_at_any_incidence(tmp_path):
+    """At 78 degrees 0.5 mm of height are 2.4 mm along the beam."""
+    target = DiscFile(shape="disc", diameter=0.25, thickness=0.01, flatness=0.001)
+    mount = draw_mount(target, np.random.default_rng(4))
+    values = COARSE | {"station.incidence_deg": 78.0}
+    values |= {"station.height_min_m": 0.05, "station.height_max_m": 4.0}
+    scene, centre, normal, grid, beam = staged(changed(IDEAL, tmp_path, values), mount=mount)
+    seen = scan(scene, centre, grid, beam, np.random.default_rng(0))
+    face = seen.points_station_m[seen.on_front] - centre
+    beams = seen.points_station_m[seen.on_front] @ scene.targets[0].T_station_target[:3, :3]
+    off = face @ normal
+    on_plane = face @ scene.targets[0].T_station_target[:3, :2]
+    on_plane -= beams[:, :2] * (off / beams[:, 2])[:, None]
+    assert off == pytest.approx(mount.form.height_m(on_plane), abs=1e-9)
+    assert np.ptp(off) > 0.9 * 0.001
+
+
 @pytest.mark.slow
 def test_a_clamp_tilts_and_shifts_the_plate_and_not_the_truth(tmp_path):
     given = {"clamp_tilt_deg": 0.5, "clamp_shift": 0.002}
