@@ -46,7 +46,8 @@ def sense(
     origins = np.broadcast_to(travel, toward.shape)
     echoes = trace(scene, caster, origins, toward)
     partners = origins + sensor.baseline_m * _baseline(sensor, axes)
-    echoes = _lit(echoes, scene, caster, origins + toward * echoes.range_m[:, None], partners)
+    _, range_m = caster.cast(origins, toward)
+    echoes = _lit(echoes, caster, origins + toward * range_m[:, None], partners)
     noise_m = rng.normal(0.0, 1.0, len(toward)) * range_sigma_m(beam.range_sigma_m, echoes, beam)
     return report(echoes, toward, noise_m, beam, rng, origins_m=origins)
 
@@ -80,10 +81,11 @@ def _lattice(grid: Grid, rng: np.random.Generator) -> tuple[Array, Array]:
     return across.ravel(), along.ravel()
 
 
-def _lit(
-    echoes: Echoes, scene: Scene, caster: RayCaster, points_m: Array, partners_m: Array
-) -> Echoes:
-    """Return the echoes without those that the partner, at (N, 3), does not see."""
+def _lit(echoes: Echoes, caster: RayCaster, points_m: Array, partners_m: Array) -> Echoes:
+    """Return the echoes without those that the partner, at (N, 3), does not see.
+
+    points_m: (N, 3) of the facets, from which the form of a face is off.
+    """
     met = ~np.isnan(echoes.range_m)
     sight = points_m[met] - partners_m[met]
     reach_m = np.linalg.norm(sight, axis=1)

@@ -7,18 +7,22 @@ import json
 import numpy as np
 import pytest
 
-from tests.support.made import DEFAULT, DISC, SALOON, changed, of_spot, read_ply
+from tests.support.made import DEFAULT, DISC, IDEAL, SALOON, changed, of_spot, read_ply
 from tests.support.paths import CONFIGS
 from tests.synth.test_beam import DEEP_M, NEAR_M, half_planes
+from tests.synth.test_synth import staged
 from wheelplane.config import Config, with_scanner
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.output.whole import write_whole
 from wheelplane_synth.parameters.parameters import Grid, ScannerFile, Sensor
 from wheelplane_synth.parameters.recipe import read_recipe
+from wheelplane_synth.parameters.target_file import read_target
 from wheelplane_synth.scanner.sensors import sense
+from wheelplane_synth.scene.target import Mount, draw_mount
 
 GRID = Grid(spacing_m=0.001, half_width_m=0.1)
+COARSE = Grid(spacing_m=0.003, half_width_m=0.14)
 CENTRE_M = np.array([NEAR_M, 0.0, 0.0])  # the image's x is -y, its y is z
 KINDS = ["structured-light", "line-profile"]
 
@@ -62,6 +66,21 @@ def test_the_partner_s_shadow_is_baseline_times_depth_over_distance(kind, baseli
         nearest_m = points[points[:, 0] > NEAR_M + DEEP_M / 2, 1].min()
         assert shadow_m < nearest_m + 1e-6
         assert nearest_m < shadow_m + 1.1 * GRID.spacing_m
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_face_of_any_form_is_lit_where_a_flat_one_is(kind, tmp_path):
+    """Lowest parts of a form lie 0.5 mm behind the plane of the facets that cast shadows."""
+    sensor, target = Sensor(kind=kind, baseline_m=0.25), read_target(DISC)
+    waved = draw_mount(target.model_copy(update={"flatness": 0.001}), np.random.default_rng(4))
+    counts = []
+    for mount in (Mount(), waved):
+        values = {"station.incidence_deg": 30.0, "station.distance_m": 1.0}
+        scanner = changed(IDEAL, tmp_path, values)
+        scene, centre_m, *_ = staged(scanner, mount=mount)
+        seen = sense(scene, centre_m, sensor, COARSE, of_spot(0.0), np.random.default_rng(1))
+        counts.append(seen.on_front.sum())
+    assert counts[0] == counts[1] > 1000
 
 
 @pytest.mark.parametrize("kind", KINDS)
