@@ -15,8 +15,9 @@ from ..errors import SynthError
 from ..parameters.parameters import Beam, Grid, Sensor
 from ..scene.scene import Scene
 from .echoes import Echoes, trace
+from .noise import by_surfaces
 from .raycast import RayCaster
-from .scanner import MOST_BEAMS, Scan, range_sigma_m, report
+from .scanner import MOST_BEAMS, Scan, range_noise, report, shared_noise
 
 SEEN_M = 0.0005  # least clearance of a ray that is in shadow
 
@@ -35,21 +36,36 @@ def sense(
     the centre across the axis. Line profile: parallel sheets of light, `spacing_m` apart along the
     travel, y, and rays fanned in each; the sensor moves on a stage. A pixel has one range, of the
     surface on its axis: no point lies between two surfaces. It has none where the projector's, or
-    for a profile the camera's, sight of the point is cut.
+    for a profile the camera's, sight of the point is cut. Rows of the grid, as scan lines, are
+    those of the image, or profiles.
     """
     axes, far_m = _axes(centre_station_m), float(np.linalg.norm(centre_station_m))
-    across, along = _lattice(grid, rng)
+    lattice = _lattice(grid, rng)
+    across, along = (one.ravel() for one in lattice)
     travel = along[:, None] * axes[1] if sensor.kind == "line-profile" else np.zeros((1, 3))
-    toward = across[:, None] * axes[0] + along[:, None] * axes[1] + far_m * axes[2] - travel
-    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    nominal = across[:, None] * axes[0] + along[:, None] * axes[1] + far_m * axes[2] - travel
+    nominal /= np.linalg.norm(nominal, axis=1, keepdims=True)
+    toward = _jittered(nominal, axes, beam, rng)
     caster = RayCaster(scene.vertices_m, scene.faces)
     origins = np.broadcast_to(travel, toward.shape)
     echoes = trace(scene, caster, origins, toward)
     partners = origins + sensor.baseline_m * _baseline(sensor, axes)
     _, range_m = caster.cast(origins, toward)
     echoes = _lit(echoes, caster, origins + toward * range_m[:, None], partners)
-    noise_m = rng.normal(0.0, 1.0, len(toward)) * range_sigma_m(beam.range_sigma_m, echoes, beam)
-    return report(echoes, toward, noise_m, beam, rng, origins_m=origins)
+    own, level = rng.normal(0.0, 1.0, len(toward)), np.zeros_like(lattice[0])
+    noise_m = range_noise(own, shared_noise(level, grid, beam, rng), echoes, beam)
+    if scene.optics is not None:
+        echoes, noise_m = by_surfaces(echoes, noise_m, scene.optics, rng)
+    return report(echoes, nominal, noise_m, beam, rng, origins_m=origins, shape=level.shape)
+
+
+def _jittered(nominal: Array, axes: Array, beam: Beam, rng: np.random.Generator) -> Array:
+    """Return the unit vectors (N, 3) along which the pixels look; exact ones draw nothing."""
+    if beam.angle_sigma_urad == 0.0:
+        return nominal
+    aside = rng.normal(0.0, 1e-6 * beam.angle_sigma_urad, (len(nominal), 2))
+    toward = nominal + aside @ axes[:2]
+    return np.asarray(toward / np.linalg.norm(toward, axis=1, keepdims=True))
 
 
 def _axes(centre_m: Array) -> Array:
@@ -66,7 +82,7 @@ def _baseline(sensor: Sensor, axes: Array) -> Array:
 
 
 def _lattice(grid: Grid, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Return the points (N,), (N,) of a square lattice over the window, its phase drawn."""
+    """Return the points (H, W), (H, W) of a square lattice over the window, its phase drawn."""
     half = int(grid.half_width_m / grid.spacing_m)
     if (2 * half + 1) ** 2 > MOST_BEAMS:
         raise SynthError(
@@ -78,7 +94,7 @@ def _lattice(grid: Grid, rng: np.random.Generator) -> tuple[Array, Array]:
     across, along = np.meshgrid(
         (steps + phase[0]) * grid.spacing_m, (steps + phase[1]) * grid.spacing_m
     )
-    return across.ravel(), along.ravel()
+    return across, along
 
 
 def _lit(echoes: Echoes, caster: RayCaster, points_m: Array, partners_m: Array) -> Echoes:

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.support.made import DEFAULT, DISC, IDEAL, SALOON, changed, of_spot, read_ply
+from tests.support.made import (
+    DEFAULT,
+    DISC,
+    IDEAL,
+    SALOON,
+    changed,
+    chi_square_bounds,
+    of_spot,
+    read_ply,
+)
 from tests.support.paths import CONFIGS
 from tests.synth.test_beam import DEEP_M, NEAR_M, half_planes
 from tests.synth.test_synth import staged
@@ -19,6 +29,7 @@ from wheelplane_synth.parameters.parameters import Grid, ScannerFile, Sensor
 from wheelplane_synth.parameters.recipe import read_recipe
 from wheelplane_synth.parameters.target_file import read_target
 from wheelplane_synth.scanner.sensors import sense
+from wheelplane_synth.scene.optics import Optics
 from wheelplane_synth.scene.target import Mount, draw_mount
 
 GRID = Grid(spacing_m=0.001, half_width_m=0.1)
@@ -68,6 +79,84 @@ def test_the_partner_s_shadow_is_baseline_times_depth_over_distance(kind, baseli
         assert nearest_m < shadow_m + 1.1 * GRID.spacing_m
 
 
+def wall_scan(kind, grid=GRID, **values):
+    """Points of a wall at 2 m, square to the sensor, with these errors of the beam, and with none.
+
+    Grids (H, W, 3), rows along the image's x.
+    """
+    side, scans = 2 * int(grid.half_width_m / grid.spacing_m) + 1, []
+    for beam in (of_spot(0.0, **values), of_spot(0.0)):
+        sensor, rng = Sensor(kind=kind, baseline_m=0.0), np.random.default_rng(5)
+        found = sense(half_planes(deep_m=0.0), CENTRE_M, sensor, grid, beam, rng)
+        scans.append(found.points_station_m.reshape(side, side, 3))
+    return scans
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("lines", "axis"), [("rows", 1), ("columns", 0)])
+def test_such_a_sensor_s_lines_have_offsets_of_the_stated_deviation(kind, lines, axis):
+    seen, true = wall_scan(kind, line_sigma_m=0.0002, scan_lines=lines)
+    error_m = np.linalg.norm(seen - true, axis=2)  # without a sense
+    assert np.ptp(error_m, axis=axis).max() < 1e-9
+    offset = error_m.mean(axis=axis) / 0.0002
+    low, high = chi_square_bounds(len(offset))
+    assert low < np.sum(offset**2) < high
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("aspect", [1.0, 3.0])
+def test_such_a_sensor_s_noise_is_alike_over_the_stated_lengths(kind, aspect):
+    length_m, grid = 0.004, Grid(spacing_m=0.002, half_width_m=0.4)
+    values = {"correlated_sigma_m": 0.0005, "correlation_length_m": length_m}
+    seen, true = wall_scan(kind, grid, **values, correlation_aspect=aspect)
+    field = (seen - true)[:, :, 0] / 0.0005  # across the wall
+    independent = field.size * grid.spacing_m**2 / (np.pi * length_m**2 * aspect)
+    for axis, own_m in ((0, length_m), (1, aspect * length_m)):
+        one, other = (np.delete(field, cut, axis) for cut in ([0, 1], [-2, -1]))
+        wanted = np.exp(-0.5 * (2 * grid.spacing_m / own_m) ** 2)
+        assert np.mean(one * other) == pytest.approx(wanted, abs=5 / np.sqrt(independent))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_such_a_sensor_s_pixels_look_aside_by_the_stated_angle(kind):
+    """Of a wall 45 degrees aside the range changes by the distance times the angle."""
+    angle_rad, scans = 2e-4, []
+    scene = half_planes(deep_m=0.0, tilt_rad=np.pi / 4)
+    aside = of_spot(0.0).model_copy(update={"angle_sigma_urad": 1e6 * angle_rad})
+    for beam in (aside, of_spot(0.0)):
+        sensor, rng = Sensor(kind=kind, baseline_m=0.0), np.random.default_rng(5)
+        grid = Grid(spacing_m=0.0002, half_width_m=0.01)
+        scans.append(sense(scene, CENTRE_M, sensor, grid, beam, rng).points_station_m)
+    error_m = np.linalg.norm(scans[0], axis=1) - np.linalg.norm(scans[1], axis=1)
+    low, high = chi_square_bounds(len(error_m))
+    assert 0.97 * low < np.sum((error_m / (NEAR_M * angle_rad)) ** 2) < 1.03 * high
+
+
+def test_such_a_sensor_s_software_may_filter_edges():
+    """Beside the step of 50 mm no point is left, and elsewhere every one."""
+    beams = of_spot(0.0, edge_filter_m=0.01), of_spot(0.0)
+    sensor = Sensor(kind="structured-light", baseline_m=0.0)
+    kept, every = (
+        sense(half_planes(), CENTRE_M, sensor, GRID, beam, np.random.default_rng(1))
+        for beam in beams
+    )
+    assert kept.beams == every.beams == 201**2
+    assert len(every.points_station_m) - len(kept.points_station_m) == 2 * 201
+    near = kept.points_station_m[:, 0] < NEAR_M + DEEP_M / 2
+    assert kept.points_station_m[near, 1].max() < -0.5 * GRID.spacing_m
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_such_a_sensor_sees_tyres_as_noisy_as_they_are_stated(kind):
+    optics = Optics(*(np.full(4, x) for x in (3.0, 0.25, 0.0, 0.0)))
+    scene = replace(half_planes(deep_m=0.0), optics=optics)
+    beam = of_spot(0.0).model_copy(update={"range_sigma_m": 0.0005})
+    sensor = Sensor(kind=kind, baseline_m=0.0)
+    points = sense(scene, CENTRE_M, sensor, GRID, beam, np.random.default_rng(2)).points_station_m
+    assert len(points) == pytest.approx(0.75 * 201**2, abs=5 * np.sqrt(201**2 * 0.25 * 0.75))
+    assert np.std(points[:, 0]) == pytest.approx(0.0015, rel=0.02)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_face_of_any_form_is_lit_where_a_flat_one_is(kind, tmp_path):
     """Lowest parts of a form lie 0.5 mm behind the plane of the facets that cast shadows."""
@@ -87,6 +176,7 @@ def test_a_face_of_any_form_is_lit_where_a_flat_one_is(kind, tmp_path):
 def test_a_capture_of_such_a_sensor_shows_its_discs_to_the_edge(tmp_path, kind):
     values = {"sensor": {"kind": kind}, "beam.spot_radius_m": 0.0, "beam.range_sigma_m": 0.0}
     values |= {"beam.stray_fraction": 0.0, "grid.spacing_m": 0.002, "grid.half_width_m": 0.18}
+    values |= {"beam.angle_sigma_urad": 0.0}
     scanner = changed(DEFAULT, tmp_path, values)
     files = {"vehicle": SALOON, "scanner": scanner, "target": DISC}
     write_capture(tmp_path / "c", seed=2, trials=0, **files)
