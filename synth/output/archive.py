@@ -90,20 +90,24 @@ def _fill(
     wheels: list[Wheel] = []
     mounts: list[Mount] = []
     used: list[dict[str, Any]] = []
+    clamps: list[dict[str, Any]] = []
     clamped: list[Clamped | None] = []
     turning = draw_turning(kit.vehicle_recipe, seed)
     bare = draw_bare_wheels(car, kit, seed)
     turning = with_rims(turning, bare)
     for number, rng in enumerate(scan_rngs):
         wheel = _next_wheel(number, car, kit.vehicle_recipe, rng)
-        mount = turning.mount(wheel, draw_mount(kit.target, rng))
+        drawn = draw_mount(kit.target, rng)
+        clamps.append(drawn.to_json(kit.target))
+        mount = turning.mount(wheel, drawn)
         own = bare.get(wheel.wheel)
         mount = own.mount if own else mount
         plate = kit.clamped.get(wheel.wheel)
         clamped.append(draw_clamped(plate, rng) if plate else None)
         wheels.append(wheel)
         mounts.append(mount)
-        used.append(_write_scan(folder, car, wheel, mount, kit, rng, own, clamped[-1]))
+        scanned = _write_scan(folder, car, wheel, mount, kit, rng, own, clamped[-1])
+        used.append(scanned | clamps[-1])
         progress(used[-1]["file"])
     position_m = draw_position(car, kit.total_station, survey_rng)
     mounted = [
@@ -112,12 +116,12 @@ def _fill(
     ]
     rows = measure_five(car, mounted, kit.total_station, position_m, survey_rng)
     write_text(folder / "five-point.txt", five_point_text(rows))
-    more = turning.scanned(car, kit.vehicle_recipe, wheels)
+    more = turning.scanned(car, kit.vehicle_recipe, wheels, mounted)
     for wheel in more.wheels:
-        mount = mounts[WHEELS.index(wheel.wheel)]
-        own = bare.get(wheel.wheel)
-        one = clamped[WHEELS.index(wheel.wheel)]
-        used.append(_write_scan(folder, car, wheel, mount, kit, turning.rng, own, one))
+        number = WHEELS.index(wheel.wheel)
+        own, one, mount = bare.get(wheel.wheel), clamped[number], mounts[number]
+        scanned = _write_scan(folder, car, wheel, mount, kit, turning.rng, own, one)
+        used.append(scanned | clamps[number])
         progress(used[-1]["file"])
     title = f"{Path(kit.vehicle_recipe.source).stem} {seed}"
     declared = capture_toml(title, kit.target, wheels, more.toml, kit.clamped)
@@ -197,7 +201,6 @@ def _write_scan(
         "points": len(found.points_station_m),
         "points_on_target": int(found.on_front.sum()),
         **({"occluded_fraction": hidden} if hidden else {}),
-        **mount.to_json(kit.target),
         **misplaced.to_json(),
     }
 

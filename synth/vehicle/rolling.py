@@ -47,12 +47,15 @@ class RunoutScans:
             found.append(replace(wheel, name=name, role="runout", T_vehicle_target=pose))
         return found
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the true values."""
+    def to_json(self, wheel: Wheel, target: Wheel) -> dict[str, Any]:
+        """Return the true values, of the target as it is mounted on its wheel."""
+        axle, normal = wheel.normal_vehicle, target.normal_vehicle
+        aside_m = target.centre_vehicle_m - wheel.centre_vehicle_m
+        wobble = np.arctan2(np.linalg.norm(np.cross(axle, normal)), axle @ normal)
         return {
             "wheel": self.wheel,
-            "wobble_deg": float(np.degrees(np.hypot(*self.tilt_rad))),
-            "eccentricity_m": float(np.hypot(*self.shift_m)),
+            "wobble_deg": float(np.degrees(wobble)),
+            "eccentricity_m": float(np.linalg.norm(np.cross(axle, aside_m))),
             "turns_deg": list(self.turns_deg),
         }
 

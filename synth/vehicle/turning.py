@@ -30,8 +30,13 @@ class Turning:
             return mount
         return next((r.on(mount) for r in self.runouts if r.wheel == wheel.name), mount)
 
-    def scanned(self, vehicle: Vehicle, recipe: Recipe, wheels: list[Wheel]) -> Scanned:
-        """Return all further scans, in the order of the capture."""
+    def scanned(
+        self, vehicle: Vehicle, recipe: Recipe, wheels: list[Wheel], targets: list[Wheel]
+    ) -> Scanned:
+        """Return all further scans, in the order of the capture.
+
+        targets: poses of the mounted targets, in the order of the wheels.
+        """
         found: list[Wheel] = []
         kingpins: list[KingpinAxis] = []
         if self.sweep.positions:
@@ -46,7 +51,8 @@ class Turning:
             truth["kingpins"] = [kingpin.to_json() for kingpin in kingpins]
             truth["toe_out_on_turns"] = toe_out(wheels, self.sweep, vehicle)
         if self.runouts:
-            truth["runouts"] = [runout.to_json() for runout in self.runouts]
+            on = {wheel.name: (wheel, one) for wheel, one in zip(wheels, targets, strict=True)}
+            truth["runouts"] = [runout.to_json(*on[runout.wheel]) for runout in self.runouts]
         return Scanned(tuple(found), tuple(self._toml(found)), truth)
 
     def _toml(self, found: list[Wheel]) -> list[str]:

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from tests.support.made import DISC, IDEAL, changed
 from tests.support.paths import CONFIGS
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config
@@ -15,6 +16,7 @@ from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.parameters.parameters import Sweep, VehicleFile
 from wheelplane_synth.parameters.recipe import read_recipe
+from wheelplane_synth.scene.target import Mount
 from wheelplane_synth.vehicle.rolling import draw_runouts
 from wheelplane_synth.vehicle.steering import draw_kingpin, swept, toe_out
 from wheelplane_synth.vehicle.turning import draw_turning
@@ -77,7 +79,42 @@ def test_a_run_out_rolls_forwards_and_keeps_the_axle():
         assert half.toe_rad == wheel.toe_rad
         turn = half.T_vehicle_target[:3, :3] @ wheel.T_vehicle_target[:3, :3].T
         assert np.trace(turn) == pytest.approx(-1.0)  # half a turn
-    assert rolled.to_json()["wobble_deg"] == pytest.approx(0.5)
+        mounted = rolled.on(Mount()).on(wheel)
+        assert rolled.to_json(wheel, mounted)["wobble_deg"] == pytest.approx(0.5)
+
+
+def test_the_run_out_stated_is_that_of_the_target_as_it_was_clamped():
+    """Half of what normals and centres differ by, half a turn apart, clamping included."""
+    _, wheels, *_ = made(3)
+    clamp = Mount(tilt_rad=(0.004, -0.003), shift_m=(-0.002, 0.001))
+    for rolled, wheel in zip(
+        draw_runouts(RECIPE, WHEELS, np.random.default_rng(3)), wheels, strict=True
+    ):
+        mount = rolled.on(clamp)
+        (half,) = rolled.scans(wheel)
+        one, other = mount.on(wheel), mount.on(half)
+        apart = np.linalg.norm(one.normal_vehicle - other.normal_vehicle)
+        aside_m = np.linalg.norm(one.centre_vehicle_m - other.centre_vehicle_m) / 2
+        stated = rolled.to_json(wheel, one)
+        assert stated["wobble_deg"] == pytest.approx(np.degrees(np.arcsin(apart / 2)), abs=1e-9)
+        assert stated["eccentricity_m"] == pytest.approx(aside_m, abs=1e-12)
+        assert abs(stated["wobble_deg"] - 0.5) > 0.01
+
+
+@pytest.mark.slow
+def test_the_clamping_stated_of_a_scan_is_the_drawn_one_alone(tmp_path):
+    """Without a clamp's tilt the run-outs of one seed are 0.5 degrees; they are no clamp's."""
+    scanner = changed(IDEAL, tmp_path, {"grid.spacing_m": 0.02})
+    clamp = changed(DISC, tmp_path, {"clamp_tilt_deg": 0.001, "clamp_shift": 1e-6})
+    turning = CONFIGS / "vehicles" / "saloon-turning.toml"
+    write_capture(tmp_path / "c", seed=3, trials=1, vehicle=turning, scanner=scanner, target=clamp)
+    tree = json.loads((tmp_path / "c" / "truth.json").read_text())
+    for scan in tree["used"]["scans"]:
+        assert np.hypot(*scan["clamp_tilt_deg"]) < 0.005
+        assert np.hypot(*scan["clamp_shift_m"]) < 5e-6
+    for one in tree["runouts"]:
+        assert one["wobble_deg"] == pytest.approx(0.5, abs=0.005)
+        assert one["wobble_deg"] != pytest.approx(0.5, abs=1e-6)
 
 
 def test_normal_mounting_has_the_stated_scatter_along_each_axis(tmp_path):
@@ -100,7 +137,7 @@ def test_nothing_turns_unless_asked():
     rng = np.random.default_rng(0)
     car = draw_vehicle(plain, rng)
     wheels = [draw_wheel(car, plain, name, rng) for name in WHEELS]
-    more = turning.scanned(car, plain, wheels)
+    more = turning.scanned(car, plain, wheels, wheels)
     assert (more.wheels, more.toml, more.truth) == ((), (), {})
 
 
