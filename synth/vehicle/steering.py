@@ -48,7 +48,10 @@ def draw_kingpin(
         wheel.stand_off_m + vehicle.body.tyre_width_m / 2
     )
     drop = hub[2] - vehicle.floor_m
-    floor = np.array([hub[0] + back * drop, hub[1] - wheel.side * stated.scrub_m, vehicle.floor_m])
+    floor = np.array([hub[0] + back * drop, 0.0, vehicle.floor_m])
+    ahead, across, high = wheel.normal_vehicle  # the middle plane: normal . (x - hub) = 0
+    middle = hub[1] - (ahead * back * drop - high * drop) / across
+    floor[1] = middle - wheel.side * stated.scrub_m
     return KingpinAxis(wheel.name, stated, up / np.linalg.norm(up), floor)
 
 

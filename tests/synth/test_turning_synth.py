@@ -51,6 +51,21 @@ def test_a_sweep_turns_each_wheel_about_the_axis_that_was_set():
                 np.testing.assert_allclose(scan.centre_vehicle_m, moved, atol=1e-12)
 
 
+def test_the_axis_meets_the_floor_by_the_scrub_radius_inboard_of_the_tyre_s_middle_plane():
+    for seed in range(5):
+        car, wheels, pins, *_ = made(seed)
+        for pin in pins:
+            wheel = next(w for w in wheels if w.name == pin.wheel)
+            inboard_m = wheel.stand_off_m + car.body.tyre_width_m / 2
+            hub_m = wheel.centre_vehicle_m - inboard_m * wheel.normal_vehicle
+            level = wheel.normal_vehicle @ [0.0, wheel.side, 0.0]
+            aside_m = (hub_m - pin.floor_point_m) @ wheel.normal_vehicle / level
+            assert aside_m == pytest.approx(pin.stated.scrub_m, abs=1e-12)
+            assert pin.floor_point_m[2] == pytest.approx(car.floor_m)
+            ahead = pin.axis / pin.axis[2] * (hub_m[2] - car.floor_m)
+            assert pin.floor_point_m[0] + ahead[0] == pytest.approx(hub_m[0], abs=1e-12)
+
+
 def test_steps_run_from_lock_to_lock_of_the_inner_wheel():
     _, wheels, _, sweep, scans = made(1)
     for wheel in wheels[2:]:
