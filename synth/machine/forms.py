@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,13 +17,14 @@ COLUMNS = ("point", "quantity", "value", "unit", "series", "repeat", "state", "d
 
 
 def item_toml(machine: MachineFile) -> str:
-    """Return the item file, as the machine's owner would declare it."""
+    """Return the item file, as its owner would declare it. A JSON string is a TOML basic string."""
     lines = ["[item]"]
-    lines += [f'{key} = "{value}"' for key, value in machine.identity.model_dump().items()]
+    identity = machine.identity.model_dump().items()
+    lines += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in identity]
     for quantity, table in machine.quantities().items():
         lines += ["", f"[item.{quantity}]", f'resolution = "{_size(table.resolution, quantity)}"']
         if quantity != "track":
-            lines.append(f'positive = "{table.declared_positive or table.positive}"')
+            lines.append(f"positive = {json.dumps(table.declared_positive or table.positive)}")
         if quantity in ("toe", "thrust_angle"):
             axis = table.declared_axis or table.axis or "rear-axle"
             lines.append(f'axis = "{axis}"')

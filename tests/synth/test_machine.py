@@ -93,6 +93,12 @@ def test_every_point_is_read_by_the_protocol_and_the_files_say_so(tmp_path):
     assert item["decision"]["rule"] == "guarded"
 
 
+def test_a_nameplate_of_any_characters_is_declared_as_it_is(tmp_path):
+    maker = 'Müller "X" C:\\new'
+    machine = read_machine(changed(EXAMPLE, tmp_path, {"identity.maker": maker}), 0)
+    assert tomllib.loads(item_toml(machine))["item"]["maker"] == maker
+
+
 @pytest.mark.slow
 def test_a_capture_has_the_machine_s_files_and_the_same_scans_as_without_it(tmp_path):
     files = {"vehicle": SALOON, "scanner": changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.02}),
