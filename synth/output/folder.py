@@ -17,7 +17,12 @@ def check_seed(seed: int) -> None:
 
 
 def check_free(out: Path) -> None:
-    """Raise SynthError unless `out` is an empty folder or does not exist."""
+    """Raise SynthError unless `out` is an empty folder or does not exist.
+
+    It is renamed to its name when it is complete: . and .. are none.
+    """
+    if out.name in ("", ".."):
+        raise SynthError(f"{out}: no name of a folder to make; give one, such as {out / 'capture'}")
     if out.is_dir() and any(out.iterdir()):
         raise SynthError(f"{out}: the folder is not empty; name a new one")
     if out.exists() and not out.is_dir():

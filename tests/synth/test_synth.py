@@ -776,6 +776,11 @@ def test_nothing_half_written_stays(tmp_path):
     assert set(tmp_path.iterdir()) == before
 
 
+def test_the_folder_where_one_stands_is_no_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    refused(match=r"^\.: no name of a folder to make; give one, such as capture", out=Path())
+
+
 def test_an_empty_folder_is_taken_and_no_scratch_is_left(tmp_path):
     scanner = changed(DEFAULT, tmp_path, COARSE)
     out = tmp_path / "deep" / "out"
