@@ -20,10 +20,6 @@ POST_M = (0.17, 0.14)  # half width along and across
 def bay_solids(vehicle: Vehicle, rng: np.random.Generator) -> list[Solid]:
     """Build the bay about a vehicle; positions of people and bench are drawn."""
     base = vehicle.axles.wheelbase_m
-    ground = np.eye(4)
-    ground[2, 3] = vehicle.floor_m
-    roll = np.arctan2(vehicle.body.left_rise_m, vehicle.axles.rear_track_m)
-    ground[1:3, 1:3] = [[np.cos(roll), np.sin(roll)], [-np.sin(roll), np.cos(roll)]]
     half = max(vehicle.axles.rear_track_m, vehicle.axles.front_track_m) / 2
     solids = _walls(base, half + BESIDE_M)
     solids += _lift(base / 2 + rng.uniform(-0.1, 0.1), half + rng.uniform(0.65, 1.15))
@@ -32,14 +28,13 @@ def bay_solids(vehicle: Vehicle, rng: np.random.Generator) -> list[Solid]:
     before = (base + 1.8 + rng.uniform(0.0, 0.5), rng.uniform(-0.5, 0.5))
     for position_m in (beside, before):
         solids += _person(position_m, rng.uniform(1.6, 1.9), rng.uniform(0.0, 2 * np.pi))
-    return [solid.placed(ground) for solid in solids]
+    return [solid.placed(vehicle.T_vehicle_floor) for solid in solids]
 
 
 def ground_solids(vehicle: Vehicle) -> list[Solid]:
     """Build the ground about a vehicle, out of doors."""
-    top, base = vehicle.floor_m, vehicle.axles.wheelbase_m
-    slab = box((-12.0, -12.0, top - 0.1), (base + 12.0, 12.0, top), 0.3)
-    return [slab.of("floor")]
+    slab = box((-12.0, -12.0, -0.1), (vehicle.axles.wheelbase_m + 12.0, 12.0, 0.0), 0.3)
+    return [slab.of("floor").placed(vehicle.T_vehicle_floor)]
 
 
 def _walls(base_m: float, side: float) -> list[Solid]:

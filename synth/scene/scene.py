@@ -224,9 +224,8 @@ def _upright(wheel: Wheel) -> Array:
 
 def _floor(vehicle: Vehicle, wheel: Wheel) -> Solid:
     x, y, _ = wheel.centre_vehicle_m
-    top = vehicle.floor_m
-    slab = box((x - 5.0, y - 5.0, top - 0.1), (x + 5.0, y + 5.0, top), reflectance=0.3)
-    return slab.of("floor")
+    slab = box((x - 5.0, y - 5.0, -0.1), (x + 5.0, y + 5.0, 0.0), reflectance=0.3)
+    return slab.of("floor").placed(vehicle.T_vehicle_floor)
 
 
 def _planes(corners_m: Array) -> tuple[Array, Array]:

@@ -71,6 +71,15 @@ class Vehicle:
         """Height of the floor in vehicle coordinates; a loaded tyre is flattened by 10 mm."""
         return 0.01 - self.body.tyre_radius_m
 
+    @property
+    def T_vehicle_floor(self) -> Array:
+        """Pose (4, 4) of the floor, z = 0: lower under the left wheels by body.left_rise_m."""
+        roll = np.arctan2(self.body.left_rise_m, self.axles.rear_track_m)
+        pose = np.eye(4)
+        pose[2, 3] = self.floor_m
+        pose[1:3, 1:3] = [[np.cos(roll), np.sin(roll)], [-np.sin(roll), np.cos(roll)]]
+        return pose
+
 
 def draw_vehicle(recipe: Recipe, rng: np.random.Generator) -> Vehicle:
     """Draw axles, placement and body."""

@@ -30,17 +30,19 @@ def other_wheels(
     if site.kind == "car-park":
         for side in (1.0, -1.0):
             aside = side * rng.uniform(*PITCH_M) * LEFT + rng.uniform(-0.5, 0.5) * FORWARD
-            solids += _car(vehicle, aside, np.radians(rng.uniform(-3.0, 3.0)), recipe, rng)
+            car = _car(vehicle, aside, np.radians(rng.uniform(-3.0, 3.0)), recipe, rng)
+            solids += _on_floor(vehicle, car)
     elif site.kind == "two-cars":
         back = -rng.uniform(*BEHIND_M) * FORWARD + rng.uniform(-0.3, 0.3) * LEFT
-        solids += _car(vehicle, back, np.radians(rng.uniform(-4.0, 4.0)), recipe, rng)
+        car = _car(vehicle, back, np.radians(rng.uniform(-4.0, 4.0)), recipe, rng)
+        solids += _on_floor(vehicle, car)
     elif site.kind == "trailer":
         back = -rng.uniform(*AXLES_M) * FORWARD
         for wheel in wheels[:2]:
             drawn = draw_bare_wheel(vehicle.body, recipe, rng)
             solids += _moved(drawn.solids(wheel, coarse=COARSER), wheel.T_vehicle_target, back)
     if site.spare:
-        solids += _spare(vehicle, wheels[0], recipe, rng)
+        solids += _on_floor(vehicle, _spare(vehicle, wheels[0], recipe, rng))
     return solids
 
 
@@ -71,6 +73,13 @@ def _spare(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Genera
     placed = [solid.placed(pose) for solid in own]
     lowest = min(float(solid.vertices_m[:, 2].min()) for solid in placed[:1])
     return _moved(placed, np.eye(4), (vehicle.floor_m - lowest) * UP)
+
+
+def _on_floor(vehicle: Vehicle, solids: Sequence[Solid]) -> list[Solid]:
+    """Tilt what stands on a level floor, at the height of the vehicle's, as that floor is."""
+    level = np.eye(4)
+    level[2, 3] = -vehicle.floor_m
+    return [solid.placed(vehicle.T_vehicle_floor @ level) for solid in solids]
 
 
 def _moved(solids: Sequence[Solid], pose: Array, shift_m: Array) -> list[Solid]:

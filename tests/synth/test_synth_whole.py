@@ -27,7 +27,8 @@ from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.output.whole import write_whole
 from wheelplane_synth.parameters.instruments import draw_instruments
-from wheelplane_synth.parameters.parameters import Beam
+from wheelplane_synth.parameters.parameters import Beam, VehicleFile
+from wheelplane_synth.parameters.recipe import read_recipe
 from wheelplane_synth.scanner.echoes import trace
 from wheelplane_synth.scanner.lattice import draw_lattice, preview_scene
 from wheelplane_synth.scanner.noise import correlated_rows, margin
@@ -35,8 +36,10 @@ from wheelplane_synth.scanner.panorama import scan_rows
 from wheelplane_synth.scanner.scanner import directions
 from wheelplane_synth.scanner.spot import BEND_M
 from wheelplane_synth.scanner.spot_average import average
+from wheelplane_synth.scene.bay import bay_solids, ground_solids
+from wheelplane_synth.scene.scene import around
 from wheelplane_synth.scene.site import draw_site
-from wheelplane_synth.vehicle.vehicle import WHEELS, draw_vehicle
+from wheelplane_synth.vehicle.vehicle import WHEELS, draw_vehicle, draw_wheel
 
 pytestmark = pytest.mark.slow
 
@@ -516,3 +519,24 @@ def test_nothing_half_written_stays(tmp_path, form):
     with pytest.raises(KeyboardInterrupt):
         write_whole(tmp_path / "o", seed=1, points=20_000, form=form, progress=stop, **files)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("place", ["bay", "out of doors", "scan of one wheel"])
+def test_left_wheels_stand_farther_above_the_floor_as_stated(tmp_path, place):
+    recipe = read_recipe(changed(SALOON, tmp_path, {"body.left_rise_m": 0.02}), VehicleFile)
+    rng = np.random.default_rng(3)
+    car = draw_vehicle(recipe, rng)
+    wheels = [draw_wheel(car, recipe, name, rng) for name in WHEELS]
+    solids = {
+        "bay": lambda: bay_solids(car, rng),
+        "out of doors": lambda: ground_solids(car),
+        "scan of one wheel": lambda: around(car, wheels[3]),
+    }[place]()
+    (floor,) = (solid for solid in solids if solid.material == "floor")
+    a, b, c = np.moveaxis(floor.corners_m, 1, 0)
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    top = int(np.argmax(normals[:, 2]))
+    right, left = ((w.centre_vehicle_m - a[top]) @ normals[top] for w in wheels[:2])
+    assert left - right == pytest.approx(0.02, abs=1e-5)
+    assert (left + right) / 2 == pytest.approx(car.body.tyre_radius_m - 0.01, abs=1e-4)
