@@ -277,8 +277,8 @@ class Calibration(Section):
 
     range_scale_ppm: per million of the range. eccentricity: amplitude of an encoder's first
     harmonic, and the angle at which it is zero and rises. beam_offset_m: of the beam from the
-    vertical axis, to the side. face: 2 reverses all angular terms, so that the mean of both faces
-    has none.
+    vertical axis, to the side. face: 2 reverses all angular terms but the elevation's eccentricity
+    in cos e, which alone is in the mean of both faces.
     """
 
     range_offset_m: float = Field(0.0, ge=-0.1, le=0.1)

@@ -39,7 +39,8 @@ def measured_angles(
 
     Azimuth: collimation c / cos e, trunnion axis i tan e, eccentricity E sin(a - a0), and the beam
     offset over the level range; elevation: index v, eccentricity: the axis errors of theodolites,
-    which laser scanners share (Lichti, ISPRS J. Photogramm. 61 (2007) 307).
+    which laser scanners share (Lichti, ISPRS J. Photogramm. 61 (2007) 307). Face 2 reads the
+    azimuth half a turn on, and the vertical circle in its other sense: -v - E sin(e + e0).
     """
     one = calibration
     sign = 1.0 if one.face == 1 else -1.0
@@ -49,7 +50,7 @@ def measured_angles(
     azimuth = azimuth + one.azimuth_eccentricity_arcsec * np.sin(azimuth_rad - zero)
     if one.beam_offset_m:
         azimuth = azimuth + one.beam_offset_m / (range_m * level) / ARCSEC
-    zero = np.radians(one.elevation_eccentricity_at_deg)
+    zero = sign * np.radians(one.elevation_eccentricity_at_deg)
     elevation = one.vertical_index_arcsec + one.elevation_eccentricity_arcsec * np.sin(
         elevation_rad - zero
     )

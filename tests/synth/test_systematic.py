@@ -67,7 +67,31 @@ def test_index_encoders_and_beam_offset_follow_their_formulae():
     assert (elevation - ELEVATION) / ARCSEC == pytest.approx(wanted, abs=1e-9)
 
 
+@pytest.mark.parametrize("at_deg", [0.0, 35.0, 90.0, 200.0])
+def test_both_faces_read_circles_that_are_off_their_axes(at_deg):
+    """A circle off by E reads w + E sin(w - w0); in face 2 a sight is at a + 180 and 360 - z."""
+    size, zero, z = 40.0 * ARCSEC, np.radians(at_deg), np.pi / 2 - ELEVATION
+
+    def read(circle, at):
+        return circle + size * np.sin(circle - at)
+
+    azimuths = read(AZIMUTH, zero), read(AZIMUTH + np.pi, zero) - np.pi
+    zeniths = read(z, np.pi / 2 - zero), 2 * np.pi - read(2 * np.pi - z, np.pi / 2 - zero)
+    for face, azimuth, zenith in zip((1, 2), azimuths, zeniths, strict=True):
+        one = Calibration(
+            azimuth_eccentricity_arcsec=40.0,
+            azimuth_eccentricity_at_deg=at_deg,
+            elevation_eccentricity_arcsec=40.0,
+            elevation_eccentricity_at_deg=at_deg,
+            face=face,
+        )
+        found = measured_angles(AZIMUTH, ELEVATION, RANGE_M, one)
+        assert found[0] == pytest.approx(azimuth, abs=1e-12)
+        assert found[1] == pytest.approx(np.pi / 2 - zenith, abs=1e-12)
+
+
 def test_the_mean_of_both_faces_has_no_error_of_angles():
+    """Where the circle of the elevation is off its axis upwards or downwards, in sin e."""
     terms = {
         "collimation_arcsec": 15.0,
         "trunnion_arcsec": -12.0,

@@ -39,7 +39,7 @@ def two_faces(
     """Targets all round, in both faces, by the generator's own formulas.
 
     phase_deg: of the elevation's eccentricity. reversed_cosine: whether face 2 reverses its cosine
-    part as well, as it does in the generator.
+    part as well, as it does not in the generator.
     """
     rng = np.random.default_rng(seed)
     azimuth, elevation = (
@@ -57,8 +57,8 @@ def two_faces(
             elevation_eccentricity_at_deg=phase_deg,
         )
         a, e = measured_angles(azimuth, elevation, range_m, errors)
-        if face == 2 and not reversed_cosine:
-            e = e + 2.0 * np.radians(cosine / 3600.0) * np.cos(elevation)
+        if face == 2 and reversed_cosine:
+            e = e - 2.0 * np.radians(cosine / 3600.0) * np.cos(elevation)
         a = a + rng.normal(0, np.radians(noise / 3600), count) / np.cos(elevation)
         e = e + rng.normal(0, np.radians(noise / 3600), count)
         turn = 360.0 * rng.integers(0, 2, count)  # exporters differ in the turn that they begin at
