@@ -59,8 +59,8 @@ def write_capture(
     bare; made: those of plates on single wheels as they were made, of which `target` states the
     drawing; machine: that of a machine under test, whose item file and readings are written too.
     `progress` is called with the name of each file when it is written. The same arguments give the
-    same bytes; the draws of a scan do not depend on the number of trials that follow. Raises
-    SynthError.
+    same bytes; the draws of a scan depend neither on other scans nor on the number of trials that
+    follow. Raises SynthError.
     """
     check_seed(seed)
     if trials < 0:
@@ -117,11 +117,10 @@ def _fill(
     rows = measure_five(car, mounted, kit.total_station, position_m, survey_rng)
     write_text(folder / "five-point.txt", five_point_text(rows))
     more = turning.scanned(car, kit.vehicle_recipe, wheels, mounted)
-    for wheel in more.wheels:
-        number = WHEELS.index(wheel.wheel)
+    for turned, wheel in enumerate(more.wheels, 1):
+        number, rng = WHEELS.index(wheel.wheel), turning.scan_rng(turned)
         own, one, mount = bare.get(wheel.wheel), clamped[number], mounts[number]
-        scanned = _write_scan(folder, car, wheel, mount, kit, turning.rng, own, one)
-        used.append(scanned | clamps[number])
+        used.append(_write_scan(folder, car, wheel, mount, kit, rng, own, one) | clamps[number])
         progress(used[-1]["file"])
     title = f"{Path(kit.vehicle_recipe.source).stem} {seed}"
     declared = capture_toml(title, kit.target, wheels, more.toml, kit.clamped)

@@ -15,6 +15,8 @@ from .rolling import RunoutScans, draw_runouts
 from .steering import STEERED, KingpinAxis, draw_kingpin, swept, toe_out
 from .vehicle import WHEELS, Vehicle, Wheel
 
+TURNING = 1  # stream of random numbers, with the seed
+
 
 @dataclass(frozen=True)
 class Turning:
@@ -23,6 +25,11 @@ class Turning:
     sweep: Sweep
     runouts: list[RunoutScans]
     rng: np.random.Generator
+    seed: int
+
+    def scan_rng(self, number: int) -> np.random.Generator:
+        """Return the stream of the scan of that number, from 1: no other scan draws from it."""
+        return np.random.default_rng([self.seed, TURNING, number])
 
     def mount(self, wheel: Wheel, mount: Mount) -> Mount:
         """Return the mounting on a reference wheel with its run-out; a trial has its own."""
@@ -83,8 +90,8 @@ class Scanned:
 
 def draw_turning(recipe: Recipe, seed: int) -> Turning:
     """Draw from a stream of its own, so that the rest of a capture does not depend on it."""
-    rng = np.random.default_rng([seed, 1])
-    return Turning(recipe.draw("sweep", Sweep, rng), draw_runouts(recipe, WHEELS, rng), rng)
+    rng = np.random.default_rng([seed, TURNING])
+    return Turning(recipe.draw("sweep", Sweep, rng), draw_runouts(recipe, WHEELS, rng), rng, seed)
 
 
 def _entry(name: str, wheel: str, file: str) -> list[str]:

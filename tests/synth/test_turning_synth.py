@@ -117,6 +117,19 @@ def test_the_run_out_stated_is_that_of_the_target_as_it_was_clamped():
 
 
 @pytest.mark.slow
+def test_what_one_scan_draws_moves_no_other_station(tmp_path):
+    turning, stations = CONFIGS / "vehicles" / "saloon-turning.toml", []
+    for spacing_m in (0.03, 0.04):
+        scanner = changed(IDEAL, tmp_path, {"grid.spacing_m": spacing_m})
+        files = {"vehicle": turning, "scanner": scanner, "target": DISC}
+        write_capture(tmp_path / f"{spacing_m}", seed=3, trials=0, **files)
+        tree = json.loads((tmp_path / f"{spacing_m}" / "truth.json").read_text())
+        stations.append([scan["station_m"] for scan in tree["used"]["scans"]])
+    assert len(stations[0]) == 14
+    assert stations[0] == stations[1]
+
+
+@pytest.mark.slow
 def test_the_clamping_stated_of_a_scan_is_the_drawn_one_alone(tmp_path):
     """Without a clamp's tilt the run-outs of one seed are 0.5 degrees; they are no clamp's."""
     scanner = changed(IDEAL, tmp_path, {"grid.spacing_m": 0.02})
