@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -127,10 +128,8 @@ def synth(
     count = sum(scan["points"] for scan in made.used["scans"])
     click.echo(f"wrote {out}: vehicle.{whole}, {count} points, five-point.txt, truth.json")
     front = ",".join(f"{axis:.2f}" for axis in made.to_json()["frame"]["forward"])
-    click.echo(
-        f"measure it: wheelplane measure {out / f'vehicle.{whole}'} --target {target} "
-        f"--front={front}"
-    )
+    cloud, shown = shlex.quote(str(out / f"vehicle.{whole}")), shlex.quote(target)
+    click.echo(f"measure it: wheelplane measure {cloud} --target {shown} --front={front}")
     return 0
 
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from click.testing import CliRunner
 
 from tests.support.made import read_ply
+from wheelplane.commands import synth as command
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -62,6 +66,17 @@ def test_what_does_not_go_together_is_refused_in_one_line(tmp_path, arguments, f
     assert run.stderr.startswith("wheelplane: ")
     assert fact in run.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_that_measures_a_cloud_can_be_pasted(monkeypatch):
+    tree = {"frame": {"forward": [0.0, 1.0, 0.0]}}
+    made = SimpleNamespace(used={"scans": [{"points": 3}]}, to_json=lambda: tree)
+    monkeypatch.setattr(command, "_make", lambda *_: made)
+    arguments = ["my car", "--whole", "--target", "my targets/disc.toml"]
+    shown = CliRunner().invoke(command.synth, arguments, standalone_mode=False).output
+    line = shown.splitlines()[1].removeprefix("measure it: wheelplane ")
+    pasted = ["measure", "my car/vehicle.ply", "--target", "my targets/disc.toml"]
+    assert shlex.split(line) == [*pasted, "--front=0.00,1.00,0.00"]
 
 
 def test_help_tells_of_whole_vehicles():
