@@ -33,6 +33,8 @@ TOO_SMALL = 0.2  # of the stated scatter; less is noted
 # Standard uncertainty of a beam offset that no ranges show: a judgement, as of an axis that is
 # adjusted to half a millimetre.
 BEAM_OFFSET_M = 5e-4
+# Standard uncertainty of a range scale that lengths of one size do not show: as of data sheets.
+SCALE_PPM = 10.0
 ECCENTRICITIES = ("sin a", "cos a", "sin e")  # parts that two faces show
 ANGULAR = ("collimation_arcsec", "trunnion_arcsec", "vertical_index_arcsec", *ECCENTRICITIES)
 
@@ -148,7 +150,7 @@ KEYS = {
 
 
 def _unseen_u(fits: Sequence[TermFit]) -> dict[str, float]:
-    """Return the standard uncertainties of the terms that two faces do not show.
+    """Return the standard uncertainties of the terms that the tests do not show.
 
     An angle: as large as the parts of eccentricities that were seen, taken for as many draws from
     one normal distribution about 0, so that the unseen one is of Student's t. Of fewer than three
@@ -165,7 +167,8 @@ def _unseen_u(fits: Sequence[TermFit]) -> dict[str, float]:
         parts = list(seen.values())
     dof = max(len(parts), LEAST_DOF)
     size = math.hypot(*parts) / math.sqrt(dof - 2)
-    return {**dict.fromkeys((*ANGULAR, "cos e"), size), "beam_offset_m": BEAM_OFFSET_M}
+    lengths = {"beam_offset_m": BEAM_OFFSET_M, "range_scale_ppm": SCALE_PPM}
+    return {**dict.fromkeys((*ANGULAR, "cos e"), size), **lengths}
 
 
 def _joined(key: str, seen: list[tuple[float, float]], unseen: list[float]) -> FoundTerm:

@@ -164,6 +164,29 @@ def test_the_collimation_allows_for_a_beam_offset_that_no_ranges_show(tmp_path, 
     assert np.mean(us) == pytest.approx(by_offset, rel=0.25)
 
 
+@pytest.mark.parametrize("length_m", [5.0, 10.0])
+def test_the_range_bias_allows_for_a_scale_that_lengths_of_one_size_do_not_show(tmp_path, length_m):
+    """A scale of 10 ppm (k = 1) adds half of itself over the length to the bias."""
+    bias_m, offs, path = 3e-4, [], tmp_path / "l.csv"
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        scale = 1.0 + 1e-6 * rng.normal(0.0, 10.0)
+        reference = length_m * rng.uniform(0.9, 1.1, 10)
+        near, noise = reference * rng.uniform(0.3, 0.7, 10), rng.normal(0.0, U_M, 10)
+        measured = reference * scale + 2.0 * bias_m + noise
+        columns = (measured, reference, np.full(10, U_M), near, reference - near)
+        table = np.column_stack(columns)
+        rows = [f"L{k}," + ",".join(f"{x:.7f}" for x in row) for k, row in enumerate(table)]
+        path.write_text("\n".join([",".join(LENGTHS), *rows]) + "\n")
+        found = evaluate_tests([path])
+        assert found.left_out == ("range_scale_ppm",)
+        (term,) = found.terms
+        offs.append((term.value - bias_m) / term.u)
+    assert term.u == pytest.approx(1e-5 * length_m / 2.0, rel=0.1)
+    low, high = stats.chi2.ppf([1e-4, 1.0 - 1e-4], len(offs))
+    assert low < np.sum(np.square(offs)) < high
+
+
 def test_what_the_tests_cannot_tell_apart_is_left_out(tmp_path):
     """All targets at one range: no beam offset. No length from between its ends: no offset."""
     faces = two_faces(tmp_path / "f.csv", steep_deg=15.0, near_m=11.9)
