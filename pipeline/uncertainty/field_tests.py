@@ -20,11 +20,10 @@ import numpy as np
 from ..errors import InputError
 from ..vectors import Array
 from .distributions import chi_square_beyond, tail
-from .field_tables import FaceTest, LengthTest, read_test
+from .field_tables import ROUNDED_M, FaceTest, LengthTest, read_test
 
 ARCSEC = math.radians(1.0 / 3600.0)
 DISTINCT = 0.2  # share of a term's column that those before it leave, below which it is left out
-IN_LINE = 0.1  # of an offset of the ranges in a length, below which it is taken for none
 LEAST_DOF = 3  # a standard deviation of Student's t needs as many
 OUTLIER = 1e-6  # significance level of the test of all targets or pairs of a file
 NO_OUTLIER = 0.01  # of the largest error observed: less is none, however little the others scatter
@@ -279,12 +278,14 @@ def _lengths(test: LengthTest, where: str) -> TermFit:
 
     Of a length L between points at ranges p and q, an angle g apart, an offset of the ranges makes
     (p + q) (1 - cos g) / L: nothing in line with the scanner, twice itself on either side of it.
+    As much as the rounding of p - q makes of nothing, 1/p + 1/q times that, is none.
     """
     near, far, length = test.near_m, test.far_m, test.reference_m
     cosine = ((near**2 + far**2 - length**2) / (2.0 * near * far)).clip(-1.0, 1.0)
     by_offset = (near + far) * (1.0 - cosine) / length
+    in_line = ROUNDED_M * (1.0 / near + 1.0 / far)
     columns = {
-        "range_bias_m": np.where(by_offset > IN_LINE, by_offset, 0.0),
+        "range_bias_m": np.where(by_offset > in_line, by_offset, 0.0),
         "range_scale_ppm": 1e-6 * length,
     }
     weight = 1.0 / test.u_m

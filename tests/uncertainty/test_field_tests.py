@@ -187,6 +187,43 @@ def test_the_range_bias_allows_for_a_scale_that_lengths_of_one_size_do_not_show(
     assert low < np.sum(np.square(offs)) < high
 
 
+@pytest.mark.parametrize(("seen", "between"), [(15.0, True), (20.0, True), (20.0, False)])
+def test_lengths_seen_at_an_angle_show_a_part_of_the_range_bias(tmp_path, seen, between):
+    """Points 15 to 20 degrees apart: 5 to 9 % of the bias, which are no error of the scale."""
+    offs, path = [], tmp_path / "l.csv"
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        bias_m, scale_ppm = rng.normal(0.0, 6e-4), rng.normal(0.0, 30.0)
+        p = rng.uniform(1.0, 3.0, 12)
+        q = p + rng.uniform(4.0, 9.0, 12)
+        turn = np.radians(np.where(between & (np.arange(12) % 2 == 1), 180.0, seen))
+        scale = 1.0 + 1e-6 * scale_ppm
+        true, measured = (
+            np.sqrt(a**2 + b**2 - 2.0 * a * b * np.cos(turn))
+            for a, b in ((p, q), (scale * p + bias_m, scale * q + bias_m))
+        )
+        reference = true + rng.normal(0.0, U_M, 12)
+        table = np.column_stack([measured, reference, np.full(12, U_M), p.round(2), q.round(2)])
+        rows = [f"L{k}," + ",".join(f"{x:.7f}" for x in row) for k, row in enumerate(table)]
+        path.write_text("\n".join([",".join(LENGTHS), *rows]) + "\n")
+        found = [one for one in evaluate_tests([path]).terms if one.key == "range_scale_ppm"]
+        offs += [(term.value - scale_ppm) / term.u for term in found]
+    assert len(offs) > 50
+    assert np.sqrt(np.mean(np.square(offs))) < 1.0 + 4.0 / np.sqrt(2 * len(offs))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lengths_in_line_show_no_range_bias_however_their_ranges_are_rounded(tmp_path, seed):
+    rng, path = np.random.default_rng(seed), tmp_path / "l.csv"
+    p, length = rng.uniform(0.5, 3.0, 12), rng.uniform(1.0, 9.0, 12)
+    table = np.column_stack([
+        length + rng.normal(0.0, U_M, 12), length, np.full(12, U_M), p.round(2),
+        (p + length).round(2)])  # fmt: skip
+    rows = [f"L{k}," + ",".join(f"{x:.7f}" for x in row) for k, row in enumerate(table)]
+    path.write_text("\n".join([",".join(LENGTHS), *rows]) + "\n")
+    assert evaluate_tests([path]).left_out == ("range_bias_m",)
+
+
 def test_what_the_tests_cannot_tell_apart_is_left_out(tmp_path):
     """All targets at one range: no beam offset. No length from between its ends: no offset."""
     faces = two_faces(tmp_path / "f.csv", steep_deg=15.0, near_m=11.9)
