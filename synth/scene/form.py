@@ -33,12 +33,15 @@ class Form:
 FLAT = Form(np.zeros((0, 2)), np.zeros(0), np.zeros(0), 0.0)
 
 
-def draw_form(radius_m: float, flatness_m: float, rng: np.random.Generator) -> Form:
+def draw_form(
+    radius_m: float, flatness_m: float, rng: np.random.Generator, face_m: Array | None = None
+) -> Form:
     """Draw a smooth form between two planes `flatness_m` apart, parallel to the mounting plane.
 
     Six waves of any direction and phase, normal amplitudes and lengths between 0.6 and 2.4
-    diameters. The plane that fits the face best is tilted about either axis by
-    0.51 * flatness / diameter rms: see tests/synth/test_synth.py.
+    diameters. radius_m: of the smallest circle about the face. face_m: points (N, 2) all over it,
+    its edge included; None for a disc. The plane that fits a disc best is tilted about either axis
+    by 0.51 * flatness / diameter rms: see tests/synth/test_synth.py.
     """
     if flatness_m == 0.0:
         return FLAT
@@ -46,16 +49,23 @@ def draw_form(radius_m: float, flatness_m: float, rng: np.random.Generator) -> F
     length_m = 2.0 * radius_m * rng.uniform(*WAVELENGTHS, WAVES)
     wave = 2.0 * np.pi / length_m[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     raw = Form(wave, phase, rng.standard_normal(WAVES), 0.0)
-    height = raw.height_m(_grid(radius_m))
+    height = raw.height_m(ring_m(0.0, radius_m) if face_m is None else face_m)
     low, high = float(height.min()), float(height.max())
     scale = flatness_m / (high - low)
     return Form(wave, phase, raw.amplitude_m * scale, -scale * (low + high) / 2.0)
 
 
-def _grid(radius_m: float) -> Array:
-    """Return points (N, 2) over a disc, its edge included."""
-    reach = radius_m * np.arange(RINGS + 1) / RINGS
+def ring_m(inner_m: float, outer_m: float) -> Array:
+    """Return points (N, 2) over a disc, or a ring, its edges included."""
+    reach = inner_m + (outer_m - inner_m) * np.arange(RINGS + 1) / RINGS
     turn = 2.0 * np.pi * np.arange(TURNS) / TURNS
     return np.stack(
         [np.outer(reach, np.cos(turn)).ravel(), np.outer(reach, np.sin(turn)).ravel()], axis=1
     )
+
+
+def rectangle_m(width_m: float, height_m: float) -> Array:
+    """Return points (N, 2) over a rectangle, its edges included."""
+    along = np.linspace(-0.5, 0.5, 2 * RINGS + 1)
+    u, v = np.meshgrid(width_m * along, height_m * along)
+    return np.column_stack([u.ravel(), v.ravel()])

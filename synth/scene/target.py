@@ -11,7 +11,7 @@ from ..arrays import Array
 from ..parameters.pattern_file import PatternFile
 from ..parameters.plate_file import RectangleFile, RingFile, SquareFile, TargetFile
 from ..vehicle.vehicle import Wheel, about
-from .form import FLAT, Form, draw_form
+from .form import FLAT, Form, draw_form, rectangle_m, ring_m
 from .solids import Solid, bevelled, box, joined, punched, revolved
 
 # The polygon lies within radius * (1 - cos(pi / SECTIONS)) of its circle: 0.3 um at 125 mm.
@@ -68,10 +68,24 @@ def draw_mount(target: TargetFile, rng: np.random.Generator) -> Mount:
         tilt_rad = _pair(np.radians(target.clamp_tilt_deg), rng)
     if target.clamp_shift > 0.0:
         shift_m = _pair(target.clamp_shift, rng)
-    form = draw_form(target.radius_m, target.flatness, rng)
+    form = draw_form(target.radius_m, target.flatness, rng, _face_m(target))
     if isinstance(target, PatternFile) and target.print_shift > 0.0:
         print_m = _pair(target.print_shift, rng)
     return Mount(tilt_rad, shift_m, form, print_m)
+
+
+def _face_m(target: TargetFile) -> Array:
+    """Return points (N, 2) all over the face."""
+    match target:
+        case RingFile():
+            return ring_m(target.hole_diameter / 2, target.diameter / 2)
+        case SquareFile():
+            return rectangle_m(target.side, target.side)
+        case RectangleFile():
+            return rectangle_m(target.width, target.height)
+        case PatternFile() if target.width is not None and target.height is not None:
+            return rectangle_m(target.width, target.height)
+    return ring_m(0.0, target.radius_m)
 
 
 def _pair(sigma: float, rng: np.random.Generator) -> tuple[float, float]:

@@ -329,6 +329,18 @@ def test_a_plate_as_made_is_scanned_on_its_wheel_alone_and_none_is_stated(tmp_pa
     assert declared[0] == declared[1]
 
 
+@pytest.mark.parametrize("table", [RING, RECTANGLE, SQUARE, CIRCLES], ids=lambda t: t["shape"])
+def test_a_face_of_any_shape_fills_its_flatness(tmp_path, table):
+    flatness_m, rng = 0.0005, np.random.default_rng(1)
+    target = read_target(target_file(tmp_path, table, flatness=flatness_m))
+    uv = rng.uniform(-0.2, 0.2, (40_000, 2))
+    uv = uv[inside(table, uv)]
+    for _ in range(40):
+        height_m = draw_mount(target, rng).form.height_m(uv)
+        assert 0.9 * flatness_m < np.ptp(height_m) < 1.01 * flatness_m
+        assert np.abs(height_m).max() < 0.505 * flatness_m
+
+
 @pytest.mark.parametrize(
     "name",
     [
