@@ -94,13 +94,15 @@ def centre_component(
     return UncertaintyComponent(name, factor, dof, turn=root[2] if len(root) > 2 else None)
 
 
-def flatness_component(flatness_m: float, radius_m: float, normal: Array) -> UncertaintyComponent:
+def flatness_component(flatness_m: float, half_m: float, normal: Array) -> UncertaintyComponent:
     """Return the component of a target's form: it lies between two planes flatness_m apart.
 
     The tilt of its least-squares plane is distributed uniformly up to flatness/diameter, whose
     standard uncertainty per axis is half of that; the mean of a smooth form is within a tenth.
+    half_m: radius; of a face that is w wide and h high, sqrt(w h)/2, by which smooth forms of
+    boards of up to 3:1 tilt by 0.7 to 1.1 of it along either side.
     """
-    tilt, height = flatness_m / (4.0 * radius_m), flatness_m / 10.0
+    tilt, height = flatness_m / (4.0 * half_m), flatness_m / 10.0
     factor = np.zeros((6, 4))
     factor[:3, :3] = tilt * _across(normal)
     factor[3:, 3] = height * normal

@@ -36,7 +36,8 @@ def with_type_b(
     station: by which scans of one station are known; None where that is not known.
     """
     observed = [component for component in components if component.name == "flatness"]
-    stated = [flatness_component(target.flatness, target.radius_m, normal)]
+    half_m = math.sqrt(math.prod(target.region.half_m))
+    stated = [flatness_component(target.flatness, half_m, normal)]
     form = max(*observed, *stated, key=_tilt_variance) if observed else stated[0]
     every = [
         *(component for component in components if component.name != "flatness"),

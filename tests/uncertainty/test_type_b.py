@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -10,8 +11,11 @@ import pytest
 from tests.support.scenes import rotation
 from wheelplane.config import InstrumentConfig
 from wheelplane.targets.plates import DiscTarget
+from wheelplane.targets.registry import parse_target
 from wheelplane.uncertainty.components import UncertaintyComponent, flatness_component
 from wheelplane.uncertainty.type_b import with_type_b
+from wheelplane_synth.parameters.target_file import read_target
+from wheelplane_synth.scene.target import draw_mount
 
 R = rotation(np.random.default_rng(8))
 NORMAL, SIGHT_M = R[2], 3.0 * R[2] + 0.8 * R[0]
@@ -84,3 +88,34 @@ def test_it_can_be_repeated():
     once = added()
     again = added(DISC.model_copy(update={"flatness": 5e-5}), InstrumentConfig(), once)
     assert [component.name for component in again].count("flatness") == 1
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        {"shape": "disc", "diameter": 0.25},
+        {"shape": "ring", "diameter": 0.3, "hole_diameter": 0.12},
+        {"shape": "square", "side": 0.3, "hole_diameter": 0.06, "hole_spacing": 0.18},
+        {"shape": "rectangle", "width": 0.36, "height": 0.24},
+    ],
+    ids=lambda table: table["shape"],
+)
+def test_stated_flatness_holds_the_tilt_of_smooth_forms_of_any_shape(table, tmp_path):
+    """Forms between planes as far apart as stated, of a generator that knows no component."""
+    flatness_m, path = 5e-4, tmp_path / "target.toml"
+    stated = table | {"flatness": flatness_m, "thickness": 0.01}
+    path.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in stated.items()))
+    (form,) = with_type_b((), NORMAL, SIGHT_M, parse_target(stated, "test"), InstrumentConfig())
+    u = np.sqrt(np.trace(form.covariance[:3, :3]) / 2.0)
+    made, rng = read_target(path), np.random.default_rng(3)
+    uv = rng.uniform(-0.18, 0.18, (4000, 2))
+    half = np.array([table.get("width", 9.0), table.get("height", 9.0)]) / 2.0
+    side, radius = table.get("side", 9.0) / 2.0, table.get("diameter", 9.0) / 2.0
+    inner = table.get("hole_diameter", 0.0) / 2.0 if table["shape"] == "ring" else 0.0
+    off = np.hypot(*uv.T)
+    uv = uv[np.all(np.abs(uv) < np.minimum(half, side), axis=1) & (off < radius) & (off > inner)]
+    slopes = np.linalg.pinv(np.column_stack([np.ones(len(uv)), uv]))[1:]
+    tilts = [slopes @ draw_mount(made, rng).form.height_m(uv) for _ in range(400)]
+    along = np.sqrt(np.mean(np.square(tilts), axis=0)) / u
+    assert np.all((along > 0.8) & (along < 1.15))
+    assert 0.9 < np.sqrt(np.mean(along**2)) < 1.1
