@@ -39,6 +39,7 @@ from .tcgc_2013 import LABEL as OLD
 from .tcgc_2013 import by_old_estimator
 
 OF_RADIUS = 0.704  # of the target's radius: 88 mm on a target of 250 mm, as in the paper
+OF_HALF = 0.9  # at most, of half the least width: a pentagon that is on the face all round
 ROTATIONS = 24  # of the pentagon, tried until no corner is hidden
 MISSED = 0.1  # of the pentagon's radius: largest distance of a point from its corner
 SAMPLE = 1200  # points that represent the target where noise is correlated
@@ -68,11 +69,13 @@ def pick_five(
 ) -> Picked:
     """Pick the points nearest to a randomly rotated regular pentagon about the target's centre.
 
-    radius_m: of the pentagon, OF_RADIUS of the target's for None. Raises NotMeasuredError 'hidden'.
+    radius_m: of the pentagon, for None OF_RADIUS of the target's, or OF_HALF. Raises
+    NotMeasuredError 'hidden'.
     """
     plane, fitted = evidence.plane, evidence.target
     assert plane is not None
-    radius = OF_RADIUS * target.radius_m if radius_m is None else radius_m
+    usual = min(OF_RADIUS * target.radius_m, OF_HALF * min(target.region.half_m))
+    radius = usual if radius_m is None else radius_m
     uvw = patch.face_m @ plane.basis.T + (patch.origin_m - fitted.centre_m) @ plane.basis.T
     on_face = np.abs(uvw[:, 2]) < 3.0 * max(plane.sigma_m, 1e-7)
     face, uvw = patch.face_m[on_face], uvw[on_face]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from tests.support.paths import CONFIGS
 from tests.support.scenes import Setup, make
 from wheelplane.config import Config
 from wheelplane.detection.find_target import find_target
@@ -16,12 +18,14 @@ from wheelplane.measure import fit_target
 from wheelplane.plane.correlated_noise import CorrelatedNoise
 from wheelplane.plane.fit_plane import PlaneFit
 from wheelplane.targets.plates import DiscTarget
+from wheelplane.targets.registry import load_target
 from wheelplane.validation.virtual_five_point import added_components, aimed, pick_five
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
 SIGMA = 8e-4
 RING = 0.088
 NONE = np.zeros((3, 3))
+FLAT = sorted({path.stem for path in (CONFIGS / "targets").glob("*.toml")} - {"wheel"})
 SCENE = Setup(spacing_m=0.002, half_width_m=0.18, noise_m=SIGMA, pairs=6)
 
 
@@ -139,6 +143,24 @@ def test_the_points_are_of_the_scan_and_near_a_regular_pentagon():
     assert not np.array_equal(other.points_m, picked.points_m)
     default = pick_five(patch, evidence, DISC, None, np.random.default_rng(0))
     assert np.hypot(*default.uv_m.T).mean() == pytest.approx(RING, abs=spacing)
+
+
+@pytest.mark.parametrize("name", FLAT)
+def test_a_pentagon_fits_on_every_known_target_unless_another_is_asked_for(name):
+    """Whatever its turn, every corner has points of a scan with 3 mm of spacing beside it."""
+    target = load_target(name)
+    steps = np.arange(-0.2, 0.2, 0.003)
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) + 0.001
+    uv = grid[target.region.shrunk(0.005).holds(grid)]
+    face_m = np.column_stack([uv, np.zeros(len(uv))])
+    middle_m = np.append(uv.mean(axis=0), 0.0)
+    plane = replace(plane_of(uv)[0], basis=np.eye(3), centroid_m=middle_m)
+    fitted = SimpleNamespace(centre_m=np.zeros(3))
+    patch = SimpleNamespace(face_m=face_m, origin_m=np.zeros(3))
+    evidence = SimpleNamespace(plane=plane, target=fitted)
+    for seed in range(10):
+        picked = pick_five(patch, evidence, target, None, np.random.default_rng(seed))
+        assert np.hypot(*picked.missed_m.T).max() < 0.015
 
 
 def test_a_hidden_pentagon_is_not_made_up():
