@@ -59,6 +59,8 @@ def correlated_rows(
     width = noise.shape[1]
     ring = np.zeros(width)
     np.add.at(ring, np.arange(len(across)) % width, across)
+    if len(across) > width:  # its ends overlap
+        ring /= np.linalg.norm(ring)
     smooth = np.fft.irfft(np.fft.rfft(noise, axis=1) * np.fft.rfft(ring), n=width, axis=1)
     if not closed:
         smooth = smooth[:, len(across) - 1 :]

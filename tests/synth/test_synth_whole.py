@@ -330,6 +330,16 @@ def test_rows_of_noise_have_variance_one_and_the_correlation_set(closed):
     assert not low < np.sum((1.2 * field[:, 0, 0]) ** 2) < high
 
 
+@pytest.mark.parametrize("length", [20.0, 60.0, 200.0])
+def test_noise_that_is_alike_all_round_has_variance_one(length):
+    rng, width = np.random.default_rng(0), 60
+    field = correlated_rows(
+        lambda _: rng.standard_normal(width), range(6000), (0.5, length), closed=True
+    )
+    means = np.mean(field**2, axis=1)  # rows are independent at 0.5 steps, to 2 %
+    assert means.mean() == pytest.approx(1.0, abs=5 * means.std() / np.sqrt(len(means)))
+
+
 def residuals(folder: Path, shown):
     """Of each target well seen from its corner: distances from its true plane along it, in metres,
     in the order of the beams, and the distance of the station."""
