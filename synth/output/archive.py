@@ -23,7 +23,8 @@ from ..scanner.scanner import draw_stand, scan
 from ..scanner.sensors import sense
 from ..scanner.stations import draw_misplacement
 from ..scene.obstacle import draw_board
-from ..scene.scene import build_scene
+from ..scene.scene import Mounted, build_scene
+from ..scene.solids import Solid
 from ..scene.target import Mount, draw_mount
 from ..vehicle.turning import draw_turning
 from ..vehicle.vehicle import WHEELS, Vehicle, Wheel, draw_trial, draw_vehicle, draw_wheel
@@ -173,7 +174,8 @@ def _write_scan(
     stand = draw_stand(car, wheel, kit.scanner_recipe, rng)
     hidden = kit.scanner_recipe.draw("scene", Obstacle, rng).occluded_fraction
     position_m = stand.position_vehicle_m
-    obstacles = [draw_board(kit.target, wheel.to_target(position_m), hidden, rng)] if hidden else []
+    shown = clamped.mounted(wheel, bare) if clamped and bare else Mounted(wheel, mount, kit.target)
+    obstacles = [_board(shown, wheel, position_m, hidden, rng)] if hidden else []
     if bare is None:
         plate = kit.plate(wheel.wheel)
         scene = build_scene(car, wheel, plate, position_m, mount, obstacles, kit.surfaces)
@@ -202,6 +204,17 @@ def _write_scan(
         **({"occluded_fraction": hidden} if hidden else {}),
         **misplaced.to_json(),
     }
+
+
+def _board(
+    shown: Mounted, wheel: Wheel, station_vehicle_m: Array, hidden: float, rng: np.random.Generator
+) -> Solid:
+    """Build the board before the target shown on a wheel, in the coordinates of the wheel."""
+    board = draw_board(shown.target, shown.wheel.to_target(station_vehicle_m), hidden, rng)
+    if shown.wheel is wheel:
+        return board
+    T_wheel_vehicle = np.linalg.inv(wheel.T_vehicle_target)
+    return board.placed(T_wheel_vehicle @ shown.wheel.T_vehicle_target)
 
 
 def _used(

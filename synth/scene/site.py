@@ -127,9 +127,11 @@ def draw_site(
     hidden = [kit.scanner_recipe.draw("scene", Obstacle, rng) for _ in mounted]
     for one, station, board in zip(mounted, stations, hidden, strict=False):
         if board.occluded_fraction > 0.0:
-            station_m = one.wheel.to_target(station.position_vehicle_m)
-            solid = draw_board(kit.target, station_m, board.occluded_fraction, rng)
-            solids.append(solid.placed(one.wheel.T_vehicle_target))
+            name = one.wheel.name
+            shown = clamped[name].mounted(one.wheel, bare[name]) if name in clamped else one
+            station_m = shown.wheel.to_target(station.position_vehicle_m)
+            solid = draw_board(shown.target, station_m, board.occluded_fraction, rng)
+            solids.append(solid.placed(shown.wheel.T_vehicle_target))
     shares = [board.occluded_fraction for board in hidden]
     seen = (stations, shares, panorama, kit.surfaces)
     return Site(vehicle, mounted, solids, *seen, bare, clamped)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from tests.support.bare_wheels import draw_bay
-from tests.support.made import IDEAL, read_ply
+from tests.support.made import IDEAL, changed, read_ply
 from tests.support.mixed import BARE, DISC, WHEEL, disc_file, write_mixed
 from wheelplane_synth.errors import SynthError
+from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.output.whole import write_whole
 from wheelplane_synth.parameters.target_file import read_target
 from wheelplane_synth.wheel.clamp import draw_clamped
@@ -60,6 +61,23 @@ def test_what_is_written_names_the_targets_and_their_truth(tmp_path):
             across = np.linalg.norm(np.cross(held["normal"], wheel["rim_normal"]))
             assert across == pytest.approx(np.hypot(*np.radians(held["tilt_deg"])), rel=1e-6)
     assert truth["used"]["targets"]["FR"]["shape"] == "disc"
+
+
+@pytest.mark.slow
+def test_a_board_hides_its_share_of_a_target_before_a_real_wheel(tmp_path, monkeypatch):
+    for ring in ("tyre", "rim"):  # coarse
+        monkeypatch.setattr(f"wheelplane_synth.wheel.{ring}.SECTIONS", 60)
+    on_target = {}
+    for hidden in (0.0, 0.4):
+        values = {"grid.spacing_m": 0.003, "grid.half_width_m": 0.2}
+        values |= {"scene": {"occluded_fraction": hidden}}
+        files = {"vehicle": BARE, "scanner": changed(IDEAL, tmp_path, values), "target": WHEEL}
+        targets = {"RR": DISC, "FL": disc_file(tmp_path, stand_off=0.2)}
+        write_capture(tmp_path / f"{hidden}", seed=1, trials=0, targets=targets, **files)
+        truth = json.loads((tmp_path / f"{hidden}" / "truth.json").read_text(encoding="utf-8"))
+        on_target[hidden] = [scan["points_on_target"] for scan in truth["used"]["scans"]]
+    for scan in (0, 3):
+        assert on_target[0.4][scan] / on_target[0.0][scan] == pytest.approx(0.6, abs=0.015)
 
 
 def test_targets_of_single_wheels_need_a_bare_wheel_among_them(tmp_path):
