@@ -112,7 +112,8 @@ def five_point(
     Rows of three numbers, separated by commas or blanks, no header. With --tolerance, exits with 1
     unless every quantity that it limits is conforming; undecided is 1 too.
     """
-    keep_inputs((output, html, pdf), [file])
+    stated = (Path(one) for one in (config, tolerance, total_station) if one is not None)
+    keep_inputs((output, html, pdf), [file, *stated])
     radius = None if radius is None else radius / 1e3
     view = read_view(axis_of(axis, convention), angles, rim, digits)
     view = replace(view, convention=convention)

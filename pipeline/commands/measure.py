@@ -14,7 +14,7 @@ from ..measure import measure_capture
 from ..measurement import VerticalKind, assess, check_by_monte_carlo, conforms, tolerance_for
 from ..report.format.earlier import check_comparable, check_same_vehicle, check_same_vertical
 from ..report.format.view import AngleStyle, Convention, DigitStyle, read_view
-from ..report.write import ReportFiles, write_reports
+from ..report.write import ReportFiles, keep_inputs, write_reports
 from ..units import LengthUnit
 from ..vehicle import Axis
 from .limits import limited
@@ -130,6 +130,8 @@ def measure(
     unless every quantity that it limits is conforming; undecided is 1 too, so that 0 never passes
     a vehicle in doubt.
     """
+    if output is not None and before is not None:
+        keep_inputs([output / "measurement.json"], [before])
     view = read_view(axis_of(axis, convention), angles, rim, digits)
     view = replace(view, vertical=vertical, convention=convention)
     settings = load_config(config)

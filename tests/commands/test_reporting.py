@@ -16,6 +16,7 @@ from wheelplane.errors import ConfigError
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.html.page import ReportOptions
+from wheelplane.report.json.measurement import to_json
 from wheelplane.report.write import ReportFiles, write_reports
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
@@ -62,6 +63,20 @@ def test_no_report_of_an_earlier_measurement_stays_beside_a_new_one(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == ALWAYS | own | others
     write_reports(measured(1), tmp_path, wanted=only)
     assert {path.name for path in tmp_path.iterdir()} == ALWAYS | others
+
+
+def test_an_earlier_measurement_is_not_written_over(wheelplane, tmp_path):
+    """What was before would be lost; refused before anything is measured."""
+    earlier = tmp_path / "measurement.json"
+    earlier.write_text(to_json(measured(1)))
+    (tmp_path / "same").symlink_to(tmp_path)
+    for folder in (tmp_path, tmp_path / "same"):
+        code, out, err = wheelplane("measure", "no-scans", "--before", earlier, "-o", folder)
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert f"{folder / 'measurement.json'}: this command reads it: give another path" in err
+    assert earlier.read_text() == to_json(measured(1))
+    code, _, err = wheelplane("measure", "no-scans", "--before", earlier, "-o", tmp_path / "new")
+    assert "no-scans: no such" in err
 
 
 def test_the_report_is_of_the_file_beside_it(tmp_path):

@@ -604,3 +604,13 @@ def test_the_points_are_not_replaced_by_their_report(tmp_path, option, method):
     assert done.returncode == 2
     assert f"{again}: this command reads it: give another path" in done.stderr
     assert file.read_bytes() == (PAPER / "figure-4.txt").read_bytes()
+
+
+@pytest.mark.parametrize("option", ["--tolerance", "--total-station", "--config"])
+def test_what_is_stated_is_not_replaced_by_the_report(tmp_path, option):
+    stated = tmp_path / "mine.toml"
+    stated.write_text("[front.toe]\nlower_deg = -0.1\n")
+    done = call("five-point", PAPER / "figure-4.txt", option, stated, "-o", stated)
+    assert done.returncode == 2
+    assert f"{stated}: this command reads it: give another path" in done.stderr
+    assert stated.read_text() == "[front.toe]\nlower_deg = -0.1\n"
