@@ -36,6 +36,8 @@ def demo(folder: Path, seed: int) -> int:
     mark = folder / ".demo"
     if mark.is_file():
         shutil.rmtree(capture, ignore_errors=True)  # of an earlier demo
+    elif results.exists():
+        raise InputError(f"{results}: there already, and of no demo: name another folder")
     click.echo(f"Making a vehicle (seed {seed}) and scanning its wheels into {capture} ...")
     make_capture(capture, seed, "saloon", "default", "disc-250", trials=2)
     mark.touch()

@@ -983,6 +983,15 @@ def test_demo_keeps_a_folder_that_is_not_its_own(wheelplane, tmp_path):
     assert (tmp_path / "capture" / "mine.txt").read_text() == "mine"
 
 
+def test_demo_keeps_results_that_are_not_its_own(wheelplane, tmp_path):
+    """A folder with captures and results of a real vehicle is one that people are in."""
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "measurement.json").write_text("mine")
+    is_refusal(wheelplane("demo", tmp_path), tmp_path / "results", "of no demo")
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
+    assert (tmp_path / "results" / "measurement.json").read_text() == "mine"
+
+
 def test_demo_sets_the_measurement_beside_the_truth(capture, tmp_path):
     with open_capture(capture) as opened:
         measurement = measure_capture(opened, Config())
