@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import shutil
 import subprocess
 
@@ -20,6 +21,8 @@ SIGNATURE = bytes.fromhex(
     "92a009a9f0d4cab8720e820b5f642540a2b27b5416503f8fb3762223ebdb69da"
     "085ac1e43e15996e458f3613d0f11d8c387b2eaeb4302aeeb00d291612bb0c00"
 )
+# Object identifiers of curves, as DER has them.
+P_256, SM2 = bytes.fromhex("2a8648ce3d030107"), bytes.fromhex("2a811ccf5501822d")
 PEM, PKCS8 = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
 
 
@@ -71,6 +74,27 @@ def test_unusable_files_are_named(folder):
     (folder / "ec").write_bytes(other.private_bytes(PEM, PKCS8, serialization.NoEncryption()))
     with pytest.raises(InputError, match="no Ed25519 key"):
         read_private_key(folder / "ec", refuse)
+
+
+def test_keys_of_a_curve_that_the_library_does_not_know_are_named(folder):
+    """A key of P-256 under the name of SM2: the library raises an exception of its own."""
+    ec = pytest.importorskip("cryptography.hazmat.primitives.asymmetric.ec")
+    key, der = ec.generate_private_key(ec.SECP256R1()), serialization.Encoding.DER
+    spki = serialization.PublicFormat.SubjectPublicKeyInfo
+    of_files = {
+        "PRIVATE": key.private_bytes(der, PKCS8, serialization.NoEncryption()),
+        "PUBLIC": key.public_key().public_bytes(der, spki),
+    }
+    for kind, content in of_files.items():
+        assert content.count(P_256) == 1
+        text = base64.b64encode(content.replace(P_256, SM2)).decode()
+        (folder / kind).write_text(
+            f"-----BEGIN {kind} KEY-----\n{text}\n-----END {kind} KEY-----\n"
+        )
+    with pytest.raises(InputError, match=r"PRIVATE: no Ed25519 key .*: make one"):
+        read_private_key(folder / "PRIVATE", refuse)
+    with pytest.raises(InputError, match=r"PUBLIC: no Ed25519 key .*: name the one"):
+        is_signed(folder / "file", folder / "file.sig", folder / "PUBLIC")
 
 
 @pytest.mark.skipif(not shutil.which("openssl"), reason="needs openssl")
