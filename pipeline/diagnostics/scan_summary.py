@@ -201,9 +201,10 @@ def _extend(summary: ScanSummary, rows: PointRows) -> None:
     summary.near_high_m = np.maximum(summary.near_high_m, high)
     on_plane = rows.points[columns[0] == 0.0]
     summary.at_origin += int((on_plane == 0.0).all(axis=1).sum())
-    # Of several scans some may have no intensity.
-    if rows.intensity is not None and not np.isnan(rows.intensity).all():
-        least, most = float(np.nanmin(rows.intensity)), float(np.nanmax(rows.intensity))
+    # Of several scans some may have no intensity, and of a point it may be nan or inf.
+    known = None if rows.intensity is None else rows.intensity[np.isfinite(rows.intensity)]
+    if known is not None and known.size:
+        least, most = float(known.min()), float(known.max())
         before = summary.intensity or (least, most)
         summary.intensity = (min(least, before[0]), max(most, before[1]))
     if rows.grid is not None:

@@ -62,6 +62,28 @@ def test_an_empty_mesh_is_not_all_missing_returns(name, tmp_path, inspect):
     assert "  warning: it declares 0 points\n" in out
 
 
+INTENSITIES = [
+    (["nan", "inf", "-inf", "7", "3"], [3.0, 7.0]),
+    (["nan", "inf", "-inf", "inf", "nan"], None),
+]
+
+
+@pytest.mark.parametrize(("given", "seen"), INTENSITIES)
+def test_what_is_no_number_is_no_end_of_the_intensities(given, seen, tmp_path, inspect):
+    """JSON has neither infinity nor nan: other programs refuse a file with them."""
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    head = "ply\nformat ascii 1.0\nelement vertex 5\n"
+    head += "".join(f"property float {name}\n" for name in ("x", "y", "z", "intensity"))
+    rows = [f"{i} {i * i} {i % 2} {text}\n" for i, text in enumerate(given, 1)]
+    (tmp_path / "a.ply").write_text(f"{head}end_header\n{''.join(rows)}")
+    code, out, err = inspect(tmp_path / "a.ply", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out, parse_constant=refuse)["intensity"] == seen
+
+
 @pytest.mark.parametrize("name", SAMPLES)
 def test_it_agrees_with_what_is_read(name, inspect):
     code, out, err = inspect(FORMATS / name, "--json")
