@@ -25,6 +25,7 @@ from tests.support.made import (
 )
 from tests.support.round_wheels import vehicle_points, with_disc
 from wheelplane.capture import CaptureOptions, open_capture
+from wheelplane.commands.options import three_numbers
 from wheelplane.config import Config
 from wheelplane.detection import Candidate
 from wheelplane.errors import InputError
@@ -40,8 +41,9 @@ from wheelplane.explanation.verdicts import MOST_SHOWN, apart
 from wheelplane.measure import measure_capture
 from wheelplane.report.candidates.pictures import picture_corners_m, places
 from wheelplane.report.candidates.text import explanation_text
-from wheelplane.report.candidates.tree import explanation_tree, verdict_of
+from wheelplane.report.candidates.tree import explanation_tree, point_of, verdict_of
 from wheelplane.report.format.language import load_translations
+from wheelplane.units import LENGTH_UNITS, in_metres
 from wheelplane_synth.output.files import ply
 
 RAISED_M = 0.55
@@ -322,6 +324,19 @@ def test_the_command_writes_pictures_although_the_measurement_fails(doubled, tmp
     again = call(*command, "--hint", hint, "--json")
     assert again.returncode == 0
     assert json.loads(again.stdout)["provenance"]["config"]["hints"].keys() == {"FL"}
+
+
+@pytest.mark.parametrize("unit", LENGTH_UNITS)
+@pytest.mark.parametrize("centre_m", [(0.2, -3.1, -1e-6), (500123.4567, 4512345.678, 1e-6 - 1e6)])
+def test_the_point_of_a_candidate_is_its_centre(unit, centre_m):
+    """On a site's grid as well: with six digits it would lie metres beside the candidate."""
+    found = Candidate(np.array(centre_m), np.eye(3), 0.6, 5e-4, 0.005, 13_000)
+    text = point_of(ExplainedCandidate(1, found, "refused", "worse"), unit)
+    place = 1e-3 if unit == "m" else 0.1
+    given = np.array(three_numbers("--hint FL", text))
+    np.testing.assert_allclose(given, np.array(centre_m) / in_metres(1.0, unit), atol=0.51 * place)
+    assert "-0," not in f"{text},"
+    assert text.startswith("0.2,-3.1,0") or (unit, centre_m[0]) != ("m", 0.2)
 
 
 def test_an_unreadable_scan_is_explained_beside_the_others(plain, tmp_path):

@@ -8,6 +8,7 @@ from ... import __version__
 from ...explanation import ExplainedCandidate, ExplainedScan, Explanation
 from ...units import in_metres
 from ...vectors import Array
+from ..format.digits import rounded
 from ..format.language import Translations
 from .pictures import picture_axes, picture_corners_m, places
 
@@ -50,10 +51,9 @@ def hint_of(scan: ExplainedScan, one: ExplainedCandidate, unit: str) -> str | No
 
 def point_of(one: ExplainedCandidate, unit: str) -> str:
     """Return the candidate's centre as an option takes it: X,Y,Z in the unit of the scans."""
-    metres = in_metres(1.0, unit)
-    return ",".join(
-        f"{round(x / metres, 3 if unit == 'm' else 1):g}" for x in one.candidate.centre_m
-    )
+    metres, place = in_metres(1.0, unit), -3 if unit == "m" else -1
+    texts = (rounded(x / metres, place, "") for x in one.candidate.centre_m)
+    return ",".join(text.rstrip("0").rstrip(".") for text in texts)
 
 
 def _scan(
