@@ -273,7 +273,8 @@ class Alignment(Mapping[str, Value]):
 
 def _wheel(result: WheelResult, values: Mapping[str, Value]) -> Wheel:
     seen, start = result.observation, f"{result.observation.name}."
-    own = {k.removeprefix(start): v for k, v in values.items() if k.startswith(start)}
+    measured = values if result.provisional is None else {}
+    own = {k.removeprefix(start): v for k, v in measured.items() if k.startswith(start)}
     return Wheel(
         seen.name,
         result.wheel,

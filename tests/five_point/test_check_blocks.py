@@ -27,12 +27,21 @@ from tests.support.wrong_digits import (
     u,
 )
 from wheelplane.cli import cli
-from wheelplane.errors import InputError, WheelplaneError
+from wheelplane.errors import InputError, NotMeasuredError, WheelplaneError
 from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.check_blocks import LEVEL, Misfit, Scatter, check_blocks
 from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import read_five_point
 from wheelplane.five_point.observe import pooled_noise
+from wheelplane.library import Alignment
+from wheelplane.report.format.earlier import read_earlier
+from wheelplane.report.format.view import PAPER as PRINTED
+from wheelplane.report.format.writer import NONE
+from wheelplane.report.json.measurement import to_json
+from wheelplane.report.plots.drawing import Text
+from wheelplane.report.plots.top_view import top_drawing
+from wheelplane.report.tables.vehicle import axes_table, vehicle_table
+from wheelplane.report.text.plain import plain_writer
 from wheelplane.vehicle.frame import build_reference_frame
 
 TRIAL = 5  # block of trial 2, on RL
@@ -134,6 +143,34 @@ def test_the_suspect_is_where_it_was_moved_and_its_angles_are_those_without_it()
         assert f"line {suspect.line}: point {point} " in wheel.observation.reason
     assert np.abs((angles(found) - angles(clean)) / u(clean)).max() < 3.0
     assert not found.complete
+
+
+def test_no_output_has_provisional_angles_as_measured_ones(tmp_path):
+    """FL and RR have a suspect point: a dash where other wheels have toe and camber."""
+    blocks = paper()
+    for block in (0, 3):
+        blocks[block, 2] += [0.0, 0.03, 0.0]
+    found = measure_five_point(file(blocks))
+    assert found.provisional == {"RR", "FL"}
+    writer = plain_writer(PRINTED)
+    toes = [row[3:] for row in axes_table(found, writer).rows]  # FL, FR, RL, RR
+    assert [[cell == "-" for cell in row] for row in toes] == [[True, False, False, True]] * 4
+    rows = {row[0]: row[1:] for row in vehicle_table(found, writer).rows}
+    assert rows["front left toe to the thrust line"] == ["-", "-"]
+    assert "-" not in rows["front right toe to the thrust line"]
+    texts = [mark.text for mark in top_drawing(found, writer.words, PRINTED).marks
+             if isinstance(mark, Text)]  # fmt: skip
+    assert texts.count(NONE) == 4  # toe and camber of two wheels
+    (tmp_path / "measurement.json").write_text(to_json(found))
+    earlier = read_earlier(tmp_path / "measurement.json").values
+    assert {"RL.toe", "FR.camber", "rear_total_toe"} < set(earlier)
+    assert not [name for name in earlier if name.startswith(("RR.", "FL."))]
+    wheels = Alignment(found).wheels
+    assert wheels["RL"].toe.value == found.wheels[1].angles.toe_rad
+    for name in found.provisional:
+        assert repr(wheels[name]).startswith(f"<Wheel {name}: block-not-")
+        with pytest.raises(NotMeasuredError, match=f"{name}: line"):
+            _ = wheels[name].toe
 
 
 def test_bad_blocks_neither_hide_each_other_nor_add_to_the_noise():

@@ -150,9 +150,11 @@ def counted_otherwise(tree: Mapping[str, Any]) -> frozenset[str]:
 
 
 def _values(tree: Mapping[str, Any]) -> Iterator[tuple[str, Known]]:
+    """Yield the values by name, but for provisional ones of wheels that were not measured."""
     otherwise = counted_otherwise(tree)
+    unsure = {wheel["name"] for wheel in tree.get("wheels", ()) if wheel["toe_deg"] is None}
     for entry in tree["uncertainty"]:
-        if entry["quantity"] in otherwise:
+        if entry["quantity"] in otherwise or entry["quantity"].rpartition(".")[0] in unsure:
             continue
         numbers = (entry["value"], entry["u"], entry["expanded_95"])
         yield entry["quantity"], _known(numbers, SCALE[entry["unit"]])

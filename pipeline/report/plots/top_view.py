@@ -10,7 +10,8 @@ import numpy as np
 from ...measurement import Measurement, Stated, by_kind, stated
 from ...vectors import Array
 from ..format.language import Translations
-from ..format.view import View
+from ..format.view import Sort, View
+from ..format.writer import NONE
 from .drawing import GRID, INK, PALE, Anchor, Drawing, Mark, Path, Text, arrow
 
 WIDTH, HEIGHT, SPLIT = 760.0, 470.0, 430.0
@@ -20,17 +21,30 @@ MOST_DEG = 14.0  # the largest angle is drawn at no more
 TYRE_M = (0.62, 0.2)  # length and width drawn
 TYRE, EDGE, THRUST, CENTRE = "#dfe5ea", "#37474f", "#b3261e", "#0072B2"
 WHEELS = ("RR", "RL", "FR", "FL")
+KINDS: tuple[Sort, ...] = ("toe", "camber")
 Known = Mapping[tuple[str, str], Stated]
+Texts = Mapping[tuple[str, Sort], str]
 
 
 def top_drawing(measurement: Measurement, words: Translations, view: View) -> Drawing:
-    """Draw the wheels in position, with their toe from above and their camber from behind."""
+    """Draw the wheels in position, with their toe from above and their camber from behind.
+
+    Provisional angles are drawn without their values.
+    """
     known = by_kind(stated(measurement), view.axis)
+    texts: Texts = {
+        (wheel, kind): NONE
+        if wheel in measurement.provisional
+        else words.number(view.angle(found.value, kind, found.expanded))
+        for wheel in WHEELS
+        for kind in KINDS
+        for found in [known[wheel, kind]]
+    }
     title = words("plot.top_title")
     marks: list[Mark] = [
         Text(12, 22, title, 15, bold=True),
-        *_from_above(measurement, known, words, view),
-        *_from_behind(known, words, view),
+        *_from_above(measurement, known, texts, words, view),
+        *_from_behind(known, texts, words),
     ]
     return Drawing(WIDTH, HEIGHT, title, marks)
 
@@ -42,7 +56,7 @@ def factor(angles_rad: list[float]) -> int:
 
 
 def _from_above(
-    measurement: Measurement, known: Known, words: Translations, view: View
+    measurement: Measurement, known: Known, texts: Texts, words: Translations, view: View
 ) -> list[Mark]:
     frame = measurement.frame
     positions = {w.observation.name: frame.to_vehicle(w.observation.fitted.centre_m) for w in
@@ -76,7 +90,7 @@ def _from_above(
     for wheel in WHEELS:
         left, forward, _ = positions[wheel]
         marks += _tyre(at(left, forward), scale, k * toes[wheel] * _inwards(wheel))
-        marks += _label(wheel, at(left, forward), known, words, view)
+        marks += _label(wheel, at(left, forward), texts[wheel, "toe"], words)
     y = HEIGHT - 30
     marks += [Path([(12, y), (36, y)], CENTRE, 1.2, dash=(6.0, 4.0))]
     marks.append(Text(42, y + 4, words.known("axis", view.axis), 12))
@@ -112,18 +126,16 @@ def _tyre(middle: Array, scale: float, angle_rad: float) -> list[Mark]:
     ]
 
 
-def _label(wheel: str, middle: Array, known: Known, words: Translations, view: View) -> list[Mark]:
+def _label(wheel: str, middle: Array, toe: str, words: Translations) -> list[Mark]:
     side: Anchor = "end" if wheel.endswith("L") else "start"
     x = middle[0] + (-24.0 if side == "end" else 24.0)
-    found = known[wheel, "toe"]
-    toe = words.number(view.angle(found.value, "toe", found.expanded))
     return [
         Text(x, middle[1] - 6, words.wheel(wheel), 14, side, bold=True),
         Text(x, middle[1] + 11, toe, 12, side),
     ]
 
 
-def _from_behind(known: Known, words: Translations, view: View) -> list[Mark]:
+def _from_behind(known: Known, texts: Texts, words: Translations) -> list[Mark]:
     """Draw both axles from behind, the left wheel on the left."""
     tilts = {wheel: known[wheel, "camber"].value for wheel in WHEELS}
     k = factor([*tilts.values()])
@@ -137,10 +149,8 @@ def _from_behind(known: Known, words: Translations, view: View) -> list[Mark]:
         marks.append(Path([(middle - 84, y), (middle + 84, y)], EDGE, 2.0))
         for wheel, x, side in ((left, middle - 84, -1.0), (right, middle + 84, 1.0)):
             marks += _upright(np.array([x, y]), side * k * tilts[wheel])
-            expanded = known[wheel, "camber"].expanded
-            value = words.number(view.angle(tilts[wheel], "camber", expanded))
             marks.append(Text(x, y + 74, words.wheel(wheel), 14, "middle", bold=True))
-            marks.append(Text(x, y + 90, value, 12, "middle"))
+            marks.append(Text(x, y + 90, texts[wheel, "camber"], 12, "middle"))
     return marks
 
 

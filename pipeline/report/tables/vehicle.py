@@ -28,7 +28,7 @@ WHEELS = ("FL", "FR", "RL", "RR")
 
 def vehicle_table(measurement: Measurement, writer: Writer) -> Table:
     """Return angles and lengths that join the axles, each with its uncertainty."""
-    words = writer.words
+    words, unsure = writer.words, measurement.provisional
     chosen = against(stated(measurement), writer.view.axis)
     known = {q.kind: q for q in chosen if q.subject == "vehicle"}
     rows = [_row(known, kind, writer) for kind in dict.fromkeys(ANGLES)]
@@ -37,7 +37,8 @@ def vehicle_table(measurement: Measurement, writer: Writer) -> Table:
         for wheel in ("FL", "FR"):
             toe = names[f"{wheel}.{named('toe', 'thrust-line')}"]
             label = words("vehicle.toe_to_thrust", wheel=words(f"vehicle.{wheel}"))
-            rows.append([label, writer.value(toe), *writer.spread(toe)])
+            cells = [writer.value(toe), *writer.spread(toe)]
+            rows.append([label, *([writer.none] * 3 if wheel in unsure else cells)])
     if writer.view.convention == "german-workshop":
         angles = workshop_angles(measurement)
         rows += [_row({a.kind: a for a in angles}, angle.kind, writer) for angle in angles]
@@ -75,14 +76,20 @@ def _row(known: Mapping[str, Stated], kind: str, writer: Writer) -> list[str]:
 
 
 def axes_table(measurement: Measurement, writer: Writer) -> Table:
-    """Return the four axes: angle to the rear axle's normal, and toe of each wheel against them."""
+    """Return the four axes: angle to the rear axle's normal, and toe of each wheel against them.
+
+    Provisional toes are left out, as in the table of the axles.
+    """
     words, known = writer.words, by_name(measurement)
-    rows = []
+    unsure, rows = measurement.provisional, []
     for axis in AXES:
         found = known.get(OF_AXES.get(axis, ""))
         angle = writer.value(found) if found else writer.view.angle(0.0, "heading")
         u = writer.width(found, found.u) if found else writer.none
-        toes = (writer.value(known[f"{wheel}.{named('toe', axis)}"]) for wheel in WHEELS)
+        toes = (
+            writer.none if wheel in unsure else writer.value(known[f"{wheel}.{named('toe', axis)}"])
+            for wheel in WHEELS
+        )
         rows.append([writer.axis(axis), words.number(angle), u, *toes])
     toe = writer.quantity("toe")
     sign = writer.sign("thrust_angle")
