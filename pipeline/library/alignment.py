@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ..errors import MissingDependencyError, NotMeasuredError
+from ..errors import InputError, MissingDependencyError, NotMeasuredError
 from ..measurement import (
     CROSS,
     UNITS,
@@ -29,6 +29,7 @@ from ..measurement import (
 from ..report.format.view import AngleStyle, Convention
 from ..report.html.page import html_report
 from ..report.json.measurement import to_json
+from ..report.json.stored import RECORD
 from ..report.text.report import detailed_report, summary_table
 from ..report.write import ReportFiles, write_reports
 from ..vectors import Array
@@ -118,10 +119,12 @@ class Alignment(Mapping[str, Value]):
     """Alignment of one vehicle: a mapping of all quantities by name, such as `FL.toe`.
 
     Two are equal when all their quantities are. It can be copied and pickled.
-    measurement: the record with the evidence behind it.
+    measurement: the record with the evidence behind it. file: the measurement.json that it was read
+    from; None of one that was measured.
     """
 
     measurement: Measurement = field(repr=False)
+    file: Path | None = field(default=None, repr=False)
 
     @cached_property
     def wheels(self) -> Mapping[str, Wheel]:
@@ -232,8 +235,15 @@ class Alignment(Mapping[str, Value]):
     ) -> list[Path]:
         """Write measurement.json and the reports to `folder`; return their paths.
 
-        Options as of `text`. Raises InputError, and MissingDependencyError of a PDF.
+        Options as of `text`. Raises InputError, also for the folder that it was read from, whose
+        files hold more; and MissingDependencyError of a PDF.
         """
+        written = Path(folder) / RECORD
+        if self.file is not None and written.exists() and written.samefile(self.file):
+            raise InputError(
+                f"{written}: this measurement was read from it, without what only the points of "
+                "the scans show: give another folder"
+            )
         options = report_options(self._vertical, language, axis, angles, convention, rim)
         wanted = ReportFiles(pdf=pdf)
         return write_reports(self.measurement, Path(folder), options=options, wanted=wanted)

@@ -30,4 +30,4 @@ def open_measurement(path: str | os.PathLike[str]) -> Alignment:
     file = Path(path)
     file = file / RECORD if file.is_dir() else file
     measurement, _ = read_measurement(file, str(file))
-    return Alignment(measurement)
+    return Alignment(measurement, file.absolute())

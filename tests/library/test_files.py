@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -33,6 +34,24 @@ def test_a_saved_measurement_is_opened_with_the_same_values(saved):
         assert repr(again) == repr(measured)
     five_points = read_five_point(folder.parent / "capture" / "five-point.txt")
     assert wp.validate(again, five_points).verdict == wp.validate(measured, five_points).verdict
+
+
+def test_an_opened_measurement_keeps_the_folder_that_it_is_from(saved, tmp_path, monkeypatch):
+    """What only the points show, noise and pictures, would be lost there."""
+    folder, _ = saved
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert "target-RR.png" in before
+    monkeypatch.chdir(folder.parent)
+    again = pickle.loads(pickle.dumps(open_measurement(folder.name)))
+    monkeypatch.chdir(folder)
+    (tmp_path / "link").symlink_to(folder)
+    for place in (".", folder, tmp_path / "link"):
+        with pytest.raises(wp.InputError, match=r"measurement\.json: this measurement was"):
+            again.save(place, language="pt")
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    again.save(tmp_path / "pt", language="pt")
+    again.save(tmp_path / "pt", language="en")
+    assert open_measurement(tmp_path / "pt") == again
 
 
 def test_an_edited_angle_is_refused_with_both_values(saved, tmp_path):
