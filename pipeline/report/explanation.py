@@ -11,11 +11,16 @@ from .format.language import Translations
 from .json.text import json_text
 from .plots.drawing_png import drawing_png
 from .plots.files import file_name
-from .write import write_files
+from .write import write_result
+
+PICTURES = ("candidates-*.png", "best-*.png")
 
 
 def write_explanation(found: Explanation, folder: Path, words: Translations) -> list[Path]:
-    """Write the explanation to `folder` and return the files; same capture, same bytes."""
+    """Write the explanation to `folder` and return the files; same capture, same bytes.
+
+    Pictures of an earlier explanation that this one does not replace are removed.
+    """
     files: dict[str, bytes] = {}
     pictures: dict[str, list[str]] = {}
     for scan in found.scans:
@@ -30,4 +35,4 @@ def write_explanation(found: Explanation, folder: Path, words: Translations) -> 
                 pictures.setdefault(scan.name, []).append(name)
     tree = explanation_tree(found, pictures, words)
     files["explanation.json"] = f"{json_text(tree)}\n".encode()
-    return write_files(folder, files)
+    return write_result(folder, files, "explanation.json", PICTURES)

@@ -15,8 +15,10 @@ from .json.validation import validation_json
 from .plots.validation import bland_altman_drawing, differences_drawing, line_drawing
 from .tables.comparison import labels
 from .text.validation import mountings_text, survey_text, validation_text
-from .write import EVERYDAY, ReportFiles, document_files, write_files
+from .write import EVERYDAY, ReportFiles, document_files, write_result
 
+REPORTS = ("validation.html", "validation.pdf", "differences.svg", "bland-altman-*.svg",
+           "line-*.svg")  # fmt: skip
 Validated = Comparison | ComparisonStudy | Mountings
 
 
@@ -44,7 +46,10 @@ def write_validation(
     options: ReportOptions | None = None,
     wanted: ReportFiles = EVERYDAY,
 ) -> list[Path]:
-    """Write validation.json, validation.txt, the plots and the wanted reports to `folder`."""
+    """Write validation.json, validation.txt, the plots and the wanted reports to `folder`.
+
+    Reports and plots of an earlier validation that this one does not replace are removed.
+    """
     options = options or ReportOptions(load_translations("en"), PAPER)
     record, words = validation_json(found), options.words
     files = {"validation.json": record, "validation.txt": validation_report(found, options.view)}
@@ -60,7 +65,7 @@ def write_validation(
     if wanted.html or wanted.pdf:
         writer = Writer(words, options.view)
         content |= document_files("validation", _document(found, writer, record), options, wanted)
-    return write_files(folder, content)
+    return write_result(folder, content, "validation.json", REPORTS)
 
 
 def _document(found: Validated, writer: Writer, record: str) -> Document:

@@ -33,6 +33,7 @@ class ReportFiles:
 
 
 EVERYDAY = ReportFiles()
+REPORTS = ("report.html", "report.pdf", "target-*.png")
 
 
 def write_reports(
@@ -65,18 +66,7 @@ def write_reports(
         png = face_png(result, measurement.frame)
         if png is not None:
             files[file_name(f"target-{result.observation.name}", "png", files)] = png
-    earlier = _earlier(folder)
-    written = write_files(folder, files)
-    for path in earlier - set(written):
-        path.unlink(missing_ok=True)
-    return written
-
-
-def _earlier(folder: Path) -> set[Path]:
-    """Return the reports and pictures of targets beside a measurement.json of the folder."""
-    if not (folder / "measurement.json").is_file():
-        return set()
-    return {folder / "report.html", folder / "report.pdf", *folder.glob("target-*.png")}
+    return write_result(folder, files, "measurement.json", REPORTS)
 
 
 def report_files(
@@ -128,6 +118,22 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
             f"{folder}: cannot be created ({error.strerror}): give another folder"
         ) from error
     return [write_whole(folder / name, content) for name, content in files.items()]
+
+
+def write_result(
+    folder: Path, files: Mapping[str, bytes], record: str, others: Iterable[str]
+) -> list[Path]:
+    """Write files as `write_files`, and remove what an earlier result left in the folder.
+
+    record: the file that every result of this kind has; where there is none, nothing is of one.
+    others: patterns of the names that a result may have besides.
+    """
+    there = (folder / record).is_file()
+    earlier = {path for pattern in others if there for path in folder.glob(pattern)}
+    written = write_files(folder, files)
+    for path in earlier - set(written):
+        path.unlink(missing_ok=True)
+    return written
 
 
 def keep_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:

@@ -42,6 +42,7 @@ from wheelplane.measure import measure_capture
 from wheelplane.report.candidates.pictures import picture_corners_m, places
 from wheelplane.report.candidates.text import explanation_text
 from wheelplane.report.candidates.tree import explanation_tree, point_of, verdict_of
+from wheelplane.report.explanation import write_explanation
 from wheelplane.report.format.language import load_translations
 from wheelplane.units import LENGTH_UNITS, in_metres
 from wheelplane_synth.output.files import ply
@@ -324,6 +325,20 @@ def test_the_command_writes_pictures_although_the_measurement_fails(doubled, tmp
     again = call(*command, "--hint", hint, "--json")
     assert again.returncode == 0
     assert json.loads(again.stdout)["provenance"]["config"]["hints"].keys() == {"FL"}
+
+
+def test_no_picture_of_an_earlier_explanation_stays_beside_a_new_one(tmp_path):
+    """Of scans that are not there any more; before there is an explanation, nothing is removed."""
+    scan = ExplainedScan("FL", "reference", "fl.ply", "not-read", "", 0, np.zeros((0, 3)), None)
+    found, words = Explanation("car", "", "m", (scan,)), load_translations("en")
+    others = {"best-1.png", "candidates-RR.png"}
+    for name in (*others, "notes.txt"):
+        (tmp_path / name).write_bytes(b"1")
+    made = {path.name for path in write_explanation(found, tmp_path, words)}
+    assert made == {"candidates-FL.png", "explanation.json"}
+    assert {path.name for path in tmp_path.iterdir()} == made | others | {"notes.txt"}
+    write_explanation(found, tmp_path, words)
+    assert {path.name for path in tmp_path.iterdir()} == made | {"notes.txt"}
 
 
 @pytest.mark.parametrize("unit", LENGTH_UNITS)

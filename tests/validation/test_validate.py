@@ -265,6 +265,12 @@ def test_reports_say_units_signs_and_verdict(made, tmp_path):
     assert "dense scans less five points" in text
     files = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert files == ["differences.svg", "validation.html", "validation.json", "validation.txt"]
+    stale, others = ("bland-altman-toe.svg", "validation.pdf"), ("notes.txt", "target-1.png")
+    for name in (*stale, *others):
+        (tmp_path / "out" / name).write_bytes(b"1")
+    run("validate", folder, "--five-point", folder / FILE, "-o", tmp_path / "out")
+    beside = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert beside == sorted([*files, *others])  # no report of an earlier one beside its numbers
     picture = (tmp_path / "out" / "differences.svg").read_text(encoding="utf-8")
     ElementTree.fromstring(picture)
     assert "toe-in" in picture
