@@ -157,6 +157,11 @@ def five_point(
             write_whole(output, text.encode())
         click.echo(text, nl=False)
         return 1 if _name_implausible(points, radius) else 0
+    if table != "report":
+        raise InputError(
+            f"--print {table} without --method tcgc-2013: that estimator's tables are printed: add "
+            "it, or leave out --print"
+        )
     station = read_station(total_station, total_station_position, coordinates, length_unit)
     measurement = measure_five_point(points, station, radius)
     if max_draws:

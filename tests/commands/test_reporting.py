@@ -187,3 +187,11 @@ def test_a_logo_that_is_no_picture_is_refused(tmp_path):
     (tmp_path / "logo.txt").write_text("hello")
     with pytest.raises(ConfigError, match="no PNG"):
         report_options(ReportConfig(logo=str(tmp_path / "logo.txt")), None, PAPER)
+
+
+def test_a_table_of_2013_is_that_of_its_estimator(wheelplane):
+    """By total least squares there is none: the option would be without effect."""
+    code, out, err = wheelplane("five-point", FIGURE_4, "--print", "matrix")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "--print matrix without --method tcgc-2013" in err
+    assert wheelplane("five-point", FIGURE_4, "--print", "report")[0] == 0  # the default
