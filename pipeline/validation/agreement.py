@@ -28,8 +28,9 @@ from .statistics.power import CONFIDENCE, captures_needed, detectable_alone
 class Agreement:
     """Agreement of one kind of angle over all captures; radians.
 
-    first, second: (N,) pairs. deviation: standard deviation of the units' mean differences, from
-    which bias and its limits follow. within, between: standard deviations of differences within
+    first, second: (N,) pairs. units: vehicles, or the captures of the only one. captures: of all
+    units. deviation: standard deviation of the units' mean differences, from which bias and its
+    limits follow. within, between: standard deviations of differences within
     and between subjects; total: of one difference. lower, upper: limits of agreement. detectable:
     smallest detectable bias. line: second method against the first.
     """
@@ -39,6 +40,7 @@ class Agreement:
     second: Array
     subjects: int
     units: int
+    captures: int
     bias: Limit
     deviation: float
     within: float
@@ -49,8 +51,13 @@ class Agreement:
     detectable: float
     line: Line | None
 
-    def captures_for(self, size_rad: float) -> int:
-        """Return the number of captures in which a bias of this size would be detectable.
+    @property
+    def by_vehicle(self) -> bool:
+        """Whether units are vehicles of several captures each."""
+        return self.units < self.captures
+
+    def units_for(self, size_rad: float) -> int:
+        """Return the number of units, like these, in which a bias of this size is detectable.
 
         Uses the upper 95 % limit of the deviation, so that a small pilot does not promise too much.
         Source: Browne, Statistics in Medicine 14 (1995) 1933.
@@ -109,6 +116,7 @@ def agreement(found: Sequence[Comparison], kind: str) -> Agreement | None:
         second=pairs.second,
         subjects=parts.subjects,
         units=len(units),
+        captures=len(found),
         bias=Limit(bias, bias - reach, bias + reach),
         deviation=deviation,
         within=math.sqrt(parts.within),

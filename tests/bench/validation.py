@@ -93,7 +93,7 @@ def of_archives(count: int, repeats: int, seed: int) -> None:
     print("\nArchives, 0.6 mm station stated\n")
     whole = survey(count, seed + 1, None)
     toe = whole.agreements[0]
-    needed = max(one.captures_for(ERROR) for one in whole.agreements)
+    needed = max(one.units_for(ERROR) for one in whole.agreements)
     biased = survey(count, seed + 2, PLANTED["all toes"])
     print(f"- {count} captures, both right: {whole.verdict}; 0.1° in all toes: {biased.verdict}")
     print(f"- they would see {np.degrees(toe.detectable):.4f}°; 0.1° takes {needed} captures")

@@ -11,7 +11,10 @@ from scipy import optimize, stats
 
 from tests.support.validation_cars import Car
 from wheelplane.report.format.language import load_translations
-from wheelplane.report.tables.study import nees_line
+from wheelplane.report.format.view import PAPER
+from wheelplane.report.format.writer import Writer
+from wheelplane.report.json.validation import agreement_tree
+from wheelplane.report.tables.study import agreement_lines, nees_line
 from wheelplane.validation.agreement import agreement, bias_probability
 from wheelplane.validation.coverage import nees, scores
 from wheelplane.validation.statistics.bland_altman import SPAN, components, limits_of_agreement
@@ -249,6 +252,26 @@ def archive(rng, count, bias=(0.0, 0.0), frame=1.0, own=1.0, vehicles=True):
     return found
 
 
+@pytest.mark.parametrize(("language", "called"), [("en", "vehicles"), ("pt", "veículos")])
+def test_what_settles_a_bias_is_counted_as_the_units_are(language, called):
+    """Captures of one vehicle count together: so many captures of the same ones settle nothing."""
+    once = archive(np.random.default_rng(5), 6)
+    thrice = [one for one in once for _ in range(3)]
+    single, several = (agreement(found, "toe") for found in (once, thrice))
+    needed = single.units_for(0.5)
+    assert several.units_for(0.5) == needed
+    assert (single.units, single.captures) == (6, 6)
+    assert (several.units, several.captures) == (6, 18)
+    writer = Writer(load_translations(language), PAPER)
+    for one, vehicles in ((single, False), (several, True)):
+        text = agreement_lines(one, 0.5, writer)[1]
+        assert f" {needed} " in text
+        assert (called in text) == vehicles
+        found = agreement_tree(one, 0.5)["captures_needed"]
+        assert found["captures"] == needed
+        assert found["counted"] == ("vehicles" if vehicles else "captures")
+
+
 @pytest.mark.parametrize("vehicles", [True, False])
 def test_bias_keeps_its_confidence_whatever_wheels_share(vehicles):
     rng = np.random.default_rng(3)
@@ -272,7 +295,7 @@ def test_a_bias_of_the_visible_size_is_seen_in_99_percent():
     deviation = np.sqrt(1.0 / 4 + 1.0)  # of a vehicle's mean: four wheels, and what they share
     pilot = agreement(archive(rng, 200), "toe")
     assert pilot.deviation == pytest.approx(deviation, rel=4.5 / np.sqrt(2 * 200))
-    count = pilot.captures_for(1.0)
+    count = pilot.units_for(1.0)
     most = pilot.deviation * np.sqrt(199 / stats.chi2.ppf(0.05, 199))
     enough, fewer = (
         stats.nct.sf(stats.t.ppf(0.975, n - 1), n - 1, np.sqrt(n) / most) >= 0.99

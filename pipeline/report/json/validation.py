@@ -114,7 +114,7 @@ def study_tree(study: ComparisonStudy) -> dict[str, Any]:
         "disagreeing": study.disagreeing,
         "compared": len(study.found),
         "chance_of_disagreeing": study.chance_of_disagreeing,
-        "agreement": {one.kind: _agreement(one, size) for one in study.agreements},
+        "agreement": {one.kind: agreement_tree(one, size) for one in study.agreements},
         "scores": {
             score.kind: {
                 "count": score.count,
@@ -188,7 +188,8 @@ def _test(test: JointTest) -> dict[str, Any]:
     }
 
 
-def _agreement(one: Agreement, size_rad: float) -> dict[str, Any]:
+def agreement_tree(one: Agreement, size_rad: float) -> dict[str, Any]:
+    """Return the agreement of one kind of angle as plain data; size_rad: of a bias to settle."""
     return {
         "differences": len(one.first),
         "wheels": one.subjects,
@@ -200,7 +201,11 @@ def _agreement(one: Agreement, size_rad: float) -> dict[str, Any]:
         "deviation_between_wheels_deg": _deg(one.between),
         "deviation_within_wheels_deg": _deg(one.within),
         "visible_bias_deg": _deg(one.detectable),
-        "captures_needed": {"bias_deg": _deg(size_rad), "captures": one.captures_for(size_rad)},
+        "captures_needed": {
+            "bias_deg": _deg(size_rad),
+            "captures": one.units_for(size_rad),
+            "counted": "vehicles" if one.by_vehicle else "captures",
+        },
         "line": _line(one.line),
     }
 

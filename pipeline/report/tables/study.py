@@ -87,10 +87,10 @@ def agreement_lines(one: Agreement, size_rad: float, writer: Writer) -> list[str
     lines = [
         words("study.deviations", total=total, between=between, within=within),
         words(
-            "study.visible",
+            "study.visible_vehicles" if one.by_vehicle else "study.visible",
             size=degrees(one.detectable, words),
             other=degrees(size_rad, words),
-            captures=one.captures_for(size_rad),
+            count=one.units_for(size_rad),
         ),
     ]
     return [*lines, _line(one, writer)] if one.line is not None else lines
