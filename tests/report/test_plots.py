@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.support.reported import ANGLES, TURNS, lost, measured, off_m, renamed, scan
+from tests.support.reported import ANGLES, TURNS, lost, many, measured, off_m, renamed, scan
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.records import Evidence
 from wheelplane.measurement.tolerance.model import Tolerance
@@ -174,6 +174,19 @@ def test_the_text_plot_shows_value_interval_and_limits():
         share = (math.degrees(result.angles.toe_rad) + 0.5) / 1.0
         assert abs(row.index("●") - start - share * wide) <= 1.0
         assert row.split()[0] == result.observation.name
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_rows_that_are_left_out_are_counted(language):
+    """A chart of some of the trials does not pass for one of all."""
+    words = load_translations(language)
+    titles = {44: words("plot.angles_title"), 60: words("plot.angles_first", shown=48, count=64)}
+    for trials, title in titles.items():
+        found = many(trials)
+        text = angles_text(found, None, words, PAPER)
+        assert angles_drawing(found, None, words, "rear-axle").title == title
+        assert (title in text.split("\n")) == (trials == 60)
+        assert text.count("●") == 2 * 48 + 1
 
 
 def test_the_top_view_rotates_wheels_by_their_toe():

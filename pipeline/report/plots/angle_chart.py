@@ -7,7 +7,7 @@ import math
 from ...measurement import Conformity, Measurement, Stated, Verdict, against, stated
 from ..format.language import Translations
 from ..format.view import View
-from .angles import judged_by, names_shown, range_of, tick_text
+from .angles import angles_title, judged_by, measured_names, names_shown, range_of, tick_text
 from .drawing import MINUS, cut
 
 WIDTH, MOST_NAME = 61, 16
@@ -37,7 +37,9 @@ def angles_text(
             )
             parts.append(f"  {called}  {value}  {bar}".rstrip())
         parts.append(" " * (wide + numbers + 6) + words.number(_scale(low, high, step)))
-    return "\n".join([*parts, words("plot.text_note"), ""])
+    some = len(names) < len(measured_names(measurement))
+    first = [angles_title(measurement, words)] * some
+    return "\n".join([*first, *parts, words("plot.text_note"), ""])
 
 
 def _line(quantity: Stated, verdict: Verdict | None, low: float, high: float) -> str:

@@ -45,7 +45,7 @@ def angles_drawing(
     """Draw a row per wheel or trial and a panel per angle: value, expanded uncertainty, limits."""
     names = names_shown(measurement)
     height = HEAD + ROW * len(names) + FOOT
-    title = words("plot.angles_title")
+    title = angles_title(measurement, words)
     marks: list[Mark] = [Text(12, 22, title, 15, bold=True)]
     found = against(stated(measurement), axis)
     for index, name in enumerate(names):
@@ -61,10 +61,23 @@ def angles_drawing(
     return Drawing(LABEL + 2 * PANEL + GAP + 30, height, title, marks)
 
 
+def angles_title(measurement: Measurement, words: Translations) -> str:
+    """Return the title of the angles, with the number of rows where some are left out."""
+    count = len(measured_names(measurement))
+    if count <= MOST_ROWS:
+        return words("plot.angles_title")
+    return words("plot.angles_first", shown=MOST_ROWS, count=count)
+
+
 def names_shown(measurement: Measurement) -> list[str]:
     """Return the names of the measured reference wheels and trials, at most MOST_ROWS."""
-    measured = [w.observation for w in measurement.wheels if w.angles is not None]
-    return [observation.name for observation in measured if observation.role in DECIDED][:MOST_ROWS]
+    return measured_names(measurement)[:MOST_ROWS]
+
+
+def measured_names(measurement: Measurement) -> list[str]:
+    """Return the names of all measured reference wheels and trials."""
+    seen = [wheel.observation for wheel in measurement.wheels if wheel.angles is not None]
+    return [one.name for one in seen if one.role in DECIDED]
 
 
 def _panel(
