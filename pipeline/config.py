@@ -269,15 +269,24 @@ def load_config(path: Path | None) -> Config:
 
 
 def with_scanner(config: Config, name: str | None) -> Config:
-    """Return the configuration with the laser scanner's file, by name or path, applied."""
+    """Return the configuration with the laser scanner's file, by name or path, applied.
+
+    What the scanner states of its beam, there or in the configuration, overrides [centre].
+    """
+    config = _with_beam(config)
     if name is None:
         return config
     stated = _instrument(InstrumentConfig, "laser-scanner", name)
-    update: dict[str, Section] = {"instrument": stated}
-    beam = stated.model_dump(include={"spot_radius_m", "ambiguity_m"}, exclude_none=True)
-    if beam:
-        update["centre"] = config.centre.model_copy(update=beam)
-    return config.model_copy(update=update)
+    return _with_beam(config.model_copy(update={"instrument": stated}))
+
+
+def _with_beam(config: Config) -> Config:
+    """Return the configuration with what its [instrument] states of the beam in [centre]."""
+    stated = {"spot_radius_m", "ambiguity_m"}
+    beam = config.instrument.model_dump(include=stated, exclude_none=True)
+    if not beam:
+        return config
+    return config.model_copy(update={"centre": config.centre.model_copy(update=beam)})
 
 
 def load_station(name: str) -> StationConfig:

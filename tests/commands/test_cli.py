@@ -24,7 +24,7 @@ from wheelplane import __version__
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.cli import main
 from wheelplane.commands.demo import compared
-from wheelplane.config import ISSUER, Config, load_config
+from wheelplane.config import ISSUER, Config, load_config, with_scanner
 from wheelplane.errors import InputError, TimeLimitError
 from wheelplane.measure import measure_capture
 from wheelplane.measurement.quantities import by_name
@@ -417,6 +417,21 @@ def test_a_configuration_is_used_and_saved(measured, capture, wheelplane, tmp_pa
 
 def test_the_shipped_default_configuration_is_the_default():
     assert load_config(CONFIGS / "default.toml") == Config()
+
+
+def test_a_scanner_in_the_configuration_is_one_in_a_file_of_its_own(tmp_path):
+    """Its beam overrides [centre] in either; of both files the scanner's own counts."""
+    stated = "spot_radius_m = 0.004\nambiguity_m = 1.2\nrange_bias_m = 0.001\n"
+    (tmp_path / "mine.toml").write_text(f"[centre]\nspot_radius_m = 0.002\n[instrument]\n{stated}")
+    own = tmp_path / "scanner.toml"
+    own.write_text(f'[instrument]\nkind = "laser-scanner"\n{stated}')
+    mine = load_config(tmp_path / "mine.toml")
+    assert with_scanner(mine, None) == with_scanner(Config(), str(own))
+    assert with_scanner(mine, None).centre.spot_radius_m == 0.004
+    own.write_text('[instrument]\nkind = "laser-scanner"\nspot_radius_m = 0.003\n')
+    both = with_scanner(mine, str(own))
+    assert (both.centre.spot_radius_m, both.instrument.range_bias_m) == (0.003, 0.0)
+    assert with_scanner(Config(), None) == Config()
 
 
 # --- bad input ----------------------------------------------------------------------------------
