@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -310,6 +311,31 @@ def test_what_shows_no_change_is_refused(before, turned):
     ):
         with pytest.raises(InputError, match=says):
             check_comparable(replace(known, **changed), now)
+
+
+@pytest.mark.parametrize(
+    ("date", "other", "after"),
+    [
+        ("2026-11-20T15:00:00", "2026-11-20T10:30:00", True),  # the day of an adjustment
+        ("2026-11-20T10:30:00", "2026-11-20T15:00:00", False),
+        ("2026-11-20T10:30:00", "2026-11-20T10:30:00", False),
+        ("2026-11-20T15:00:00+05:00", "2026-11-20T11:00:00+00:00", False),
+        ("2026-11-20T12:00:00+00:00", "2026-11-20T13:00:00+02:00", True),
+        ("2026-11-20T15:00:00", "2026-11-20T10:00:00+00:00", False),  # of unlike kinds: the day
+        ("2026-11-20T15:00:00", "2026-11-20", False),
+        ("2026-11-21", "2026-11-20T10:00:00", True),
+        ("20 November", "2026-11-20T10:00:00", False),
+    ],
+)
+def test_what_was_before_was_not_after_on_the_same_day(before, turned, date, other, after):
+    now = replace(turned, provenance=replace(turned.provenance, date=other))
+    free = frozenset(w.observation.name for w in now.wheels if w.compensated)
+    known = replace(before, date=date, vehicle=None, compensated=free)
+    if after:
+        with pytest.raises(InputError, match=f"is of {re.escape(date)}, after .*: exchange"):
+            check_comparable(known, now)
+    else:
+        check_comparable(known, now)
 
 
 def test_changes_by_the_same_scans_are_called_so(before, turned):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,7 +80,7 @@ def read_earlier(path: Path) -> Earlier:
             sha256=hashlib.sha256(data).hexdigest(),
             capture=str(tree["capture"]),
             vehicle=tree["vehicle_name"],
-            date=tree["date"],
+            date=None if tree["date"] is None else str(tree["date"]),
             values=dict(_values(tree)),
             vertical=tree.get("vertical_in_use", "wheels"),
             compensated=frozenset(
@@ -116,7 +118,7 @@ def check_comparable(earlier: Earlier, measurement: Measurement) -> None:
     made = measurement.provenance
     check_same_vehicle(earlier, made.vehicle, made.source)
     check_same_vertical(earlier, measurement.vertical_kind)
-    if earlier.date and made.date and earlier.date[:10] > made.date[:10]:
+    if earlier.date and made.date and _is_after(earlier.date, made.date):
         raise InputError(
             f"{earlier.source}: is of {earlier.date}, after {made.source} of {made.date}: exchange "
             "the two, or give another earlier measurement"
@@ -130,6 +132,15 @@ def check_comparable(earlier: Earlier, measurement: Measurement) -> None:
             f"run-out, {free}, and those of the target as mounted {mounted}: measure both with "
             "run-outs, or both without"
         )
+
+
+def _is_after(date: str, other: str) -> bool:
+    """Return whether a date (ISO 8601) is after another: by time where both have one of a kind."""
+    with suppress(ValueError):
+        first, second = map(dt.datetime.fromisoformat, (date, other))
+        if "T" in date and "T" in other and (first.tzinfo is None) == (second.tzinfo is None):
+            return first > second
+    return date[:10] > other[:10]
 
 
 def counted_otherwise(tree: Mapping[str, Any]) -> frozenset[str]:
