@@ -13,6 +13,7 @@ from ..diagnostics import ScanSummary, findings, length, spacing_m, summarise_sc
 from ..errors import WheelplaneError
 from ..files import ARCHIVE_SUFFIXES
 from ..readers import ReadOptions
+from ..report.format.digits import rounded
 from ..report.format.layout import aligned
 from .limits import limited
 from .options import length_unit_option, read_options, reading_options
@@ -114,7 +115,9 @@ def _text(name: str, summary: ScanSummary) -> str:
     rows = [("points", f"{summary.points} ({summary.invalid_points} invalid points besides)")]
     if summary.points:
         corners = zip("xyz", summary.low_m, summary.high_m, strict=True)
-        rows += [(axis, f"{a:.4f} to {b:.4f} m ({length(b - a)})") for axis, a, b in corners]
+        rows += [
+            (axis, f"{_place(a)} to {_place(b)} m ({length(b - a)})") for axis, a, b in corners
+        ]
     spacing = spacing_m(summary)
     if spacing is not None:
         rows.append(("spacing", f"about {length(spacing)}"))
@@ -127,6 +130,10 @@ def _text(name: str, summary: ScanSummary) -> str:
     parts = [f"{name}: {_kind(summary)}", aligned(rows, left=2)]
     parts += [f"  warning: {text}" for text in findings(summary)]
     return "\n".join(parts)
+
+
+def _place(coordinate_m: float) -> str:
+    return rounded(coordinate_m, -4, "")
 
 
 def _kind(summary: ScanSummary) -> str:
@@ -146,7 +153,7 @@ def _scans(summary: ScanSummary) -> str:
         pose = "no pose"
         if T is not None:
             rotated = "rotated" if not np.array_equal(T[:3, :3], np.eye(3)) else "not rotated"
-            pose = f"scanner at {' '.join(f'{x:.4f}' for x in T[:3, 3])} m, {rotated}"
+            pose = f"scanner at {' '.join(map(_place, T[:3, 3]))} m, {rotated}"
         lines.append(f"    {scan.name}: {scan.points} points, {pose}")
     if len(summary.scans) > SHOWN_SCANS:
         lines.append(f"    and {len(summary.scans) - SHOWN_SCANS} more (--json lists all)")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -60,6 +61,13 @@ def test_an_empty_mesh_is_not_all_missing_returns(name, tmp_path, inspect):
     code, out, err = inspect(tmp_path / name)
     assert (code, err) == (0, "")
     assert "  warning: it declares 0 points\n" in out
+
+
+def test_a_coordinate_that_rounds_to_zero_has_no_sign(tmp_path, inspect):
+    points = np.random.default_rng(0).uniform(0.0, 1.0, (50, 3))
+    points[:, 2] = np.linspace(-2e-5, 3e-5, 50)
+    _, out, _ = inspect(ply(tmp_path / "a.ply", points))
+    assert re.search(r"^  z +0\.0000 to 0\.0000 m \(0\.05 mm\)$", out, re.MULTILINE)
 
 
 INTENSITIES = [

@@ -464,7 +464,7 @@ def test_of_a_cloud_with_unlike_targets_each_kind_is_shown(tmp_path):
 
 def test_a_target_behind_what_hides_it_is_shown_and_offered():
     """On another surface and about as good; not a second place on the same, nor a poor one."""
-    panel = Candidate(np.zeros(3), np.eye(3), 0.58, 5e-4, 0.005, 13_000)
+    panel = Candidate(np.full(3, -1e-5), np.eye(3), 0.58, 5e-4, 0.005, 13_000)
     behind = replace(panel, centre_m=np.array([0.05, 0.0, -0.06]), match=0.57)
     beside = replace(panel, centre_m=np.array([0.05, 0.0, 0.0]), match=0.57)
     poor = replace(behind, centre_m=np.array([-0.05, 0.0, -0.06]), match=0.1)
@@ -487,3 +487,4 @@ def test_a_target_behind_what_hides_it_is_shown_and_offered():
         found = Explanation("car", "", "m", (replace(scan, candidates=candidates),))
         assert offer in explanation_text(found)
         assert ("to choose" in explanation_text(found)) == bool(offer)
+        assert "(0.000, 0.000, 0.000)" in explanation_text(found)

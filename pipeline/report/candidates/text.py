@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ...explanation import ExplainedScan, Explanation
+from ..format.digits import rounded
 from ..format.language import load_translations
 from ..format.layout import aligned
 from .tree import hint_of, verdict_of
@@ -23,7 +24,7 @@ def _scan(scan: ExplainedScan, unit: str) -> str:
     several = any(one.target for one in scan.candidates)
     rows: list[tuple[str, ...]] = [(*heading, "target") if several else heading]
     for one in scan.candidates:
-        centre = ", ".join(f"{x:.3f}" for x in one.candidate.centre_m + 0.0)
+        centre = ", ".join(rounded(x, -3, "") for x in one.candidate.centre_m)
         noise = f"{one.candidate.sigma_m * 1e3:.2f}"
         match, points = f"{one.candidate.match:.2f}", str(one.candidate.points)
         row = (str(one.number), verdict_of(one, words), f"({centre})", match, noise, points)
