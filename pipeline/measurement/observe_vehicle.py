@@ -275,7 +275,7 @@ def _chosen(
         note_on_hint(hint, wheel, place.best, config)
         for hint, wheel, place in zip(hints, REFERENCE_WHEELS, found.places, strict=True)
     ]
-    return [named], Naming(BY_OPERATOR, up.by, found.points, tuple(notes))
+    return [named], Naming(BY_OPERATOR, up.by, tuple(notes))
 
 
 def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Naming]:
@@ -293,7 +293,7 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     notes = _of_others(targets, axles)
     if capture.front is not None:
         ahead = capture.front.is_ahead(first_m, second_m)
-        naming = Naming(capture.front.note, up.by, found.points, notes)
+        naming = Naming(capture.front.note, up.by, notes)
         return [axles.named(targets, up.direction, ahead)], naming
     if not all(names_wheels(kind) for kind in found.kinds):
         along = (second_m - first_m) / np.linalg.norm(second_m - first_m)
@@ -307,7 +307,7 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     both: list[Mapping[str, int]] = [
         axles.named(targets, up.direction, ahead) for ahead in (True, False)
     ]
-    return both, Naming(BY_MARKERS, up.by, found.points, notes)
+    return both, Naming(BY_MARKERS, up.by, notes)
 
 
 def _of_others(targets: Sequence[FoundTarget], axles: Axles) -> tuple[str, ...]:

@@ -179,12 +179,11 @@ class WheelResult:
 class Naming:
     """Sources of the front and up directions by which a cloud's wheels were named.
 
-    points: number in the cloud. notes: sentences on what was left out.
+    notes: sentences on what was left out.
     """
 
     front: str
     up: str
-    points: int
     notes: tuple[str, ...] = ()
 
 
@@ -385,6 +384,19 @@ class Measurement:
     def provisional(self) -> frozenset[str]:
         """Names of the wheels that stand in the vehicle's quantities without a suspect point."""
         return frozenset(wheel.observation.name for wheel in self.wheels if wheel.provisional)
+
+    @property
+    def points_read(self) -> dict[str, int]:
+        """Number of points by file: one scan may be that of a wheel and of its run-out.
+
+        Of five points a plane, which all stand in one file, by the names of the planes.
+        """
+        seen = [wheel.observation for wheel in self.wheels]
+        if seen[0].fitted.method == "points":
+            return {one.name: one.points_total for one in seen}
+        if self.provenance.naming is None:
+            return {one.source: one.points_total for one in seen}
+        return {one.source.partition(": ")[0]: one.points_total for one in seen}
 
     @property
     def vehicle(self) -> dict[str, float]:

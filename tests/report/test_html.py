@@ -16,22 +16,25 @@ import numpy as np
 import pytest
 
 from tests.support.printed import arc_step_s, two_digits
-from tests.support.reported import ANGLES, lost, many, measured, renamed
-from tests.support.turning import Scene, rolled, swept
+from tests.support.reported import ANGLES, MADE, lost, many, measured, renamed, scan
+from tests.support.turning import WHEELS, Scene, rolled, swept
 from wheelplane.config import ReportConfig
 from wheelplane.errors import ConfigError, InputError
 from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
 from wheelplane.measurement.conformity import assess
-from wheelplane.measurement.evaluate import check_by_monte_carlo
+from wheelplane.measurement.evaluate import align, check_by_monte_carlo
+from wheelplane.measurement.records import Naming
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.laboratory import Laboratory, read_laboratory
 from wheelplane.report.format.language import FOLDER, LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER, View
 from wheelplane.report.format.writer import Table
 from wheelplane.report.html.page import ReportOptions, html_report
-from wheelplane.report.html.provenance import trouble
+from wheelplane.report.html.provenance import head_pairs, trouble
 from wheelplane.report.json.measurement import to_json
+from wheelplane.report.scene.scene import scene
+from wheelplane.report.text.report import detailed_report
 from wheelplane.vehicle.angles import deg_min_sec
 
 ROOT = Path(__file__).parents[2]
@@ -454,3 +457,38 @@ def test_columns_on_paper_are_as_wide_as_their_longest_cells_up_to_where_these_a
     assert wide == pytest.approx(14.0 * narrow, rel=1e-3)
     assert Table(("n", "text"), (("a", "w" * 400),)).shares == [narrow, wide]
     assert narrow + wide == pytest.approx(100.0, abs=0.02)
+
+
+@pytest.mark.parametrize("language", ["en", "pt"])
+def test_a_scan_of_a_wheel_and_of_its_run_out_is_counted_once(language):
+    """As the points of the 3D view and the files of the provenance are."""
+    words = load_translations(language)
+    seen = [scan(name, 1).observation for name in ANGLES]
+    again = replace(seen[0], name="RR turn 1", role="runout")
+    points = sum(one.points_total for one in seen)
+    for observations, count in ((seen, 5), ([*seen, again], 5)):
+        found = align(observations, MADE)
+        assert dict(head_pairs(found, "", words))[words("head.scans")] == words(
+            "head.scans_of", points=words.count(points), count=count
+        )
+        assert found.points_read == {one.source: one.points_total for one in seen}
+        assert f"Points read (pontos lidos): {points} in " in detailed_report(found)
+        assert scene(found)["cloud"]["total"] == points
+
+
+@pytest.mark.parametrize("files", [1, 2])
+def test_clouds_of_a_vehicle_are_counted_once_each(files):
+    """Four wheels in each, and in an E57 several stations."""
+    words = load_translations("en")
+    wheels = [
+        replace(scan(name, 1).observation, points_total=1000 * file,
+                name=name if file == 1 else f"{name} again", source=f"{file}.e57: {station}",
+                role="reference" if file == 1 else "runout")
+        for file in range(1, files + 1)
+        for station, name in enumerate(WHEELS)
+    ]  # fmt: skip
+    found = align(wheels, replace(MADE, naming=Naming("front", "up")))
+    assert found.points_read == {f"{file}.e57": 1000 * file for file in range(1, files + 1)}
+    shown = dict(head_pairs(found, "", words))[words("head.scans")]
+    one, two = "1\u00a0000 points in one cloud", "3\u00a0000 points in 2 clouds"
+    assert shown == f"{one if files == 1 else two} of the vehicle"

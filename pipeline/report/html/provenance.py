@@ -56,13 +56,15 @@ def head_pairs(measurement: Measurement, number: str, words: Translations) -> Pa
 
 
 def _scans(measurement: Measurement, words: Translations) -> str:
-    made, wheels = measurement.provenance, measurement.wheels
+    read = measurement.points_read
     if is_five_point(measurement):
-        return words("head.scans_five", planes=len(wheels))
-    if made.naming is not None:
-        return words("head.scans_cloud", points=words.count(made.naming.points))
-    points = sum(wheel.observation.points_total for wheel in wheels)
-    return words("head.scans_of", points=words.count(points), planes=len(wheels))
+        return words("head.scans_five", planes=len(read))
+    points = words.count(sum(read.values()))
+    if measurement.provenance.naming is None:
+        return words("head.scans_of", points=points, count=len(read))
+    if len(read) == 1:
+        return words("head.scans_cloud", points=points)
+    return words("head.scans_clouds", points=points, count=len(read))
 
 
 def is_five_point(measurement: Measurement) -> bool:

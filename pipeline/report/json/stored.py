@@ -192,7 +192,6 @@ def _vertical(tree: Tree) -> Vertical:
 
 def _provenance(tree: Tree) -> Provenance:
     origin, naming = tree["provenance"], tree["provenance"]["naming"]
-    points = int(tree["wheels"][0]["points_total"])
     return Provenance(
         source=tree["capture"],
         vehicle=tree["vehicle_name"],
@@ -200,7 +199,7 @@ def _provenance(tree: Tree) -> Provenance:
         inputs=dict(origin["inputs"]),
         config={key: value for key, value in origin["config"].items() if key != "tolerance"},
         seed=origin["seed"],
-        naming=None if naming is None else Naming(naming["front"], naming["up"], points),
+        naming=None if naming is None else Naming(naming["front"], naming["up"]),
         date=tree["date"],
     )
 

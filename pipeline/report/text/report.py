@@ -56,8 +56,7 @@ def detailed_report(
 ) -> str:
     """Return the paper's report: frame, centres, planes, angles, provenance."""
     made, writer = measurement.provenance, plain_writer(view)
-    each = sum(wheel.observation.points_total for wheel in measurement.wheels)
-    points = each if made.naming is None else made.naming.points
+    points = sum(measurement.points_read.values())
     sections = [
         f"wheelplane {made.version}: {made.source}" + (f", {made.vehicle}" if made.vehicle else ""),
         f"Points read (pontos lidos): {points} in {len(measurement.wheels)} planes.",
