@@ -8,6 +8,7 @@ from pathlib import Path
 from .. import validation
 from ..errors import InputError
 from ..five_point import FivePointFile, read_five_point
+from ..report.html.provenance import is_five_point
 from ..report.json.validation import validation_json
 from ..report.validation import validation_html, validation_report, write_validation
 from ..report.write import ReportFiles
@@ -57,11 +58,17 @@ def validate(alignment: Alignment, five_points: FivePointFile | str | Path) -> C
     five_points: a file that `read_five_point` read, or its path. The comparison states whether the
     methods agree within their uncertainties (`verdict`), and where not.
 
-    Raises InputError where the two cannot be of one vehicle, or differ in their wheels.
+    Raises InputError where the two cannot be of one vehicle, or differ in their wheels, and for an
+    alignment of five points.
     """
     if not isinstance(alignment, Alignment):
         kind = type(alignment).__name__
         raise InputError(f"a {kind} is no alignment: give what `measure` returns")
+    if is_five_point(alignment.measurement):
+        raise InputError(
+            f"{alignment.measurement.provenance.source}: is of five points a plane itself, and the "
+            "comparison is of scans with them: give an alignment of scans"
+        )
     file = read_five_point(five_points) if isinstance(five_points, (str, Path)) else five_points
     if not isinstance(file, FivePointFile):
         kind = type(file).__name__

@@ -19,6 +19,7 @@ import pytest
 
 import wheelplane as wp
 from tests.support.made import write_small_capture
+from tests.support.paths import FIGURE_4
 from wheelplane.capture import open_capture
 from wheelplane.cli import main
 from wheelplane.config import load_config
@@ -314,6 +315,13 @@ POINTS = np.random.default_rng(0).random((100, 3))
 def test_an_argument_of_another_kind_is_one_clear_line(call, says):
     with pytest.raises(wp.InputError, match=says):
         call()
+
+
+def test_five_points_are_not_compared_with_themselves():
+    """They would agree as dense scans do, whatever is wrong with them."""
+    file = wp.read_five_point(FIGURE_4)
+    with pytest.raises(wp.InputError, match=r"figure-4\.txt: is of five points .* of scans"):
+        wp.validate(wp.measure(file), file)
 
 
 def test_numbers_of_numpy_are_whole_numbers():
