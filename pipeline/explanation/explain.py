@@ -40,7 +40,8 @@ def explain_capture(
 ) -> Explanation:
     """Explain every scan of the capture, in the order in which they are measured."""
     if capture.cloud is not None:
-        scans = [explain_cloud(capture.cloud, capture, config, progress)]
+        rolled = (replace(capture, cloud=cloud, hints={}) for cloud in capture.rolled)
+        scans = [explain_cloud(one, config, progress) for one in (capture, *rolled)]
     else:
         scans = []
         for entry in capture.entries:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..capture import Capture, ScanEntry, boxed
+from ..capture import Capture, boxed
 from ..cloud import sample
 from ..config import Config
 from ..detection import Candidate, candidates_of_cloud
@@ -25,9 +25,11 @@ SAMPLE = 400_000  # points of a scan or a cloud in its picture
 
 
 def explain_cloud(
-    cloud: ScanEntry, capture: Capture, config: Config, progress: Callable[[str], None]
+    capture: Capture, config: Config, progress: Callable[[str], None]
 ) -> ExplainedScan:
     """Explain the scan of a whole vehicle: its wheels, and candidates for each kind of target."""
+    cloud = capture.cloud
+    assert cloud is not None
     source, kinds = capture.called(cloud), kinds_of(capture)
     flat = (kind for kind in kinds if not isinstance(kind, WheelTarget))
     target = next(flat, kinds[0])

@@ -259,6 +259,26 @@ def test_of_a_cloud_the_targets_in_a_region_count(whole, measured):
         measurement(whole, regions={"vehicle": half}, front=front)
 
 
+def test_each_cloud_of_a_vehicle_that_rolled_is_explained(whole, plain, measured, tmp_path):
+    """The second lacks the front wheels, for which the capture is refused."""
+    folder = tmp_path / "car"
+    folder.mkdir()
+    shutil.copy(whole / "whole.ply", folder / "first.ply")
+    rear = [read_ply(plain / f"{wheel}.ply") for wheel in ("rr", "rl")]
+    (folder / "second.ply").write_bytes(ply(*map(np.concatenate, zip(*rear, strict=True))))
+    centres = np.array([centre(measured, name) for name in ("RR", "RL", "FR", "FL")])
+    front = (centres[2:].mean(axis=0) - centres[:2].mean(axis=0)).tolist()
+    (folder / "capture.toml").write_text(
+        f'cloud = "first.ply"\nfront = {front}\n[[runout]]\nname = "rolled"\n'
+        'file = "second.ply"\nangle_deg = 180.0\n'
+    )
+    with pytest.raises(InputError, match=r"second\.ply"):
+        measurement(folder)
+    found = explained(folder)
+    assert [scan.file for scan in found.values()] == ["first.ply", "second.ply"]
+    assert [scan.status for scan in found.values()] == ["ok", "not-named"]
+
+
 def test_a_picture_says_where_its_corners_lie(seen):
     """The places of candidates in the picture, turned back, are their centres across the view."""
     origin, right, down = picture_corners_m(seen)
