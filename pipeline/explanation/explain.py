@@ -15,7 +15,7 @@ from ..capture import Capture, ScanEntry, Searched, searched
 from ..cloud import sample
 from ..config import Config, SegmentConfig
 from ..detection import Candidate, candidate_near, check_best, find_candidates, patch_of, rivals
-from ..diagnostics import check_wheel_scan
+from ..diagnostics import check_poses, check_wheel_scan
 from ..errors import InputError, NotMeasuredError
 from ..measure import fit_target
 from ..measurement import find_searched, map_about
@@ -59,6 +59,7 @@ def _explain_scan(entry: ScanEntry, capture: Capture, config: Config) -> Explain
     try:
         scan = entry.read(capture.length_unit, source, capture.reading)
         found = replace(found, points=len(scan.points_m), sample_m=sample(scan.points_m, SAMPLE))
+        check_poses(scan.parts, source)
         check_wheel_scan(scan.points_m, 2.0 * target.radius_m, capture.length_unit, source)
     except InputError as error:
         return replace(found, status="not-read", reason=str(error))

@@ -383,6 +383,24 @@ def test_an_unreadable_scan_is_explained_beside_the_others(plain, tmp_path):
     assert not found["RL"].candidates
 
 
+def test_a_scan_whose_pose_is_refused_is_not_explained_as_measured(plain, tmp_path):
+    folder = tmp_path / "car"
+    shutil.copytree(plain, folder)
+    points, intensity = read_ply(folder / "rl.ply")
+    poses = "0 0 0\n1.01 0 0\n0 1 0\n0 0 1\n1.01 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+    rows = "\n".join(f"{x:.6f} {y:.6f} {z:.6f} {i:.3f}" for (x, y, z), i in
+                     zip(points.tolist(), intensity.tolist(), strict=True))  # fmt: skip
+    (folder / "rl.ply").unlink()
+    (folder / "rl.ptx").write_text(f"1\n{len(points)}\n{poses}{rows}\n")
+    declared = folder / "capture.toml"
+    declared.write_text(declared.read_text().replace("rl.ply", "rl.ptx"))
+    with pytest.raises(InputError, match="is no rotation") as refused:
+        measurement(folder)
+    scan = explained(folder)["RL"]
+    assert (scan.status, scan.reason) == ("not-read", str(refused.value))
+    assert scan.points == len(points)
+
+
 @pytest.mark.slow
 def test_two_runs_write_the_same_bytes(doubled, tmp_path):
     for name in ("one", "two"):
