@@ -5,6 +5,7 @@ Set WHEELPLANE_DCC_SCHEMA to a folder with dcc.xsd 3.3.0, and what it imports, f
 
 from __future__ import annotations
 
+import datetime
 import math
 import os
 import re
@@ -13,11 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.certificates import calibrated, certificate, given
+from tests.support.certificates import DAY, ENVIRONMENT, calibrated, certificate, given
 from wheelplane.errors import InputError
 from wheelplane.report.dcc.certificate import dcc_bytes
 from wheelplane.report.dcc.conformity import conformity_of, overall
 from wheelplane.report.dcc.xml import element, schema_faults, to_bytes
+from wheelplane.report.format.language import LANGUAGES, load_translations
 
 etree = pytest.importorskip("lxml.etree")
 NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
@@ -63,6 +65,33 @@ def every(root, path):
 
 def text(root, path):
     return root.find(f".//{path}", NAMES).text
+
+
+def test_what_the_printed_form_says_of_the_circumstances_stands_in_it():
+    """The item's condition, the sensors and the note on them, and a standard past its due date."""
+    late = given("standard", due=DAY - datetime.timedelta(1))
+    open_doors = ENVIRONMENT.model_copy(update={"note": "The doors were open."})
+    noted = late.model_copy(update={"environment": open_doors})
+    made = certificate(noted, accepted=("scanner",))
+    root = tree(made)
+    said = {
+        one.get("refType"): {c.get("lang"): c.text for c in every(one, "dcc:content")}
+        for one in every(root, "dcc:statement")
+    }
+    for words in map(load_translations, LANGUAGES):
+        of_language = {kind: texts[words.language] for kind, texts in said.items()}
+        condition = f"{words('certificate.condition')}: no visible damage"
+        assert of_language["wheelplane_condition"] == condition
+        sensors = words("certificate.sensors", names="TH-1")
+        head = words("certificate.conditions")
+        environment = f"{head}: {sensors}; The doors were open."
+        assert of_language["wheelplane_environment"] == environment
+        name = "Laser scanner S70 (scanner)"
+        overdue = words("certificate.overdue", name=name, due="2026-11-02")
+        assert of_language["wheelplane_overdue"] == overdue
+    assert "wheelplane_overdue" not in {
+        one.get("refType") for one in every(tree(), "dcc:statement")
+    }
 
 
 @pytest.mark.parametrize("adjusted", [False, True])

@@ -23,6 +23,7 @@ from ..tables.calibration import (
     title,
 )
 from ..tables.certificate import (
+    STANDS_ELSEWHERE,
     amended,
     conditions_lines,
     day,
@@ -56,7 +57,7 @@ def certificate_document(made: Certificate, writer: Writer, record: str) -> Docu
             Section(
                 "statements",
                 words("certificate.statements"),
-                [text for key, text in statements(made, words) if key != "amended"],
+                [text for key, text in statements(made, words) if key not in STANDS_ELSEWHERE],
             ),
         ],
         annexes=[
@@ -136,7 +137,7 @@ def _conditions(made: Certificate, writer: Writer) -> list[Part]:
     parts: list[Part] = [_sentences(lines)] if lines else []
     if made.standards:
         parts.append(standards_table(made, writer))
-    return [*parts, *overdue_lines(made, writer)]
+    return [*parts, *overdue_lines(made, writer.words)]
 
 
 def _annex(found: Calibration, writer: Writer) -> list[Part]:

@@ -11,6 +11,7 @@ from ..format.language import Translations
 from ..format.writer import Table, Writer
 from .calibration import as_found, rule_words
 
+STANDS_ELSEWHERE = {"amended", "condition", "environment", "overdue"}
 CONDITIONS = (
     ("temperature_c", "temperature_u_c", "°C"),
     ("humidity_percent", "humidity_u_percent", "%"),
@@ -75,11 +76,10 @@ def _called(one: StandardConfig) -> str:
     return f"{one.description} ({one.name})" if one.description else one.name
 
 
-def overdue_lines(made: Certificate, writer: Writer) -> list[str]:
+def overdue_lines(made: Certificate, words: Translations) -> list[str]:
     """Return in words which standards were used past their due date."""
     return [
-        writer.words("certificate.overdue", name=_called(one), due=day(one.due, writer))
-        for one in made.overdue
+        words("certificate.overdue", name=_called(one), due=str(one.due)) for one in made.overdue
     ]
 
 
@@ -95,9 +95,15 @@ def conditions_lines(made: Certificate, words: Translations) -> list[str]:
             if expanded is not None:
                 shown += f" (U {words.number(f'{expanded:g} {unit}')})"
             found.append(words(f"certificate.{key}", value=shown))
-    if stated.sensors:
-        found.append(words("certificate.sensors", names=", ".join(stated.sensors)))
-    return [*found, stated.note] if stated.note else found
+    return [*found, *_of_sensors(made, words)]
+
+
+def _of_sensors(made: Certificate, words: Translations) -> list[str]:
+    """Return in words what the conditions were measured by, and the laboratory's note on them."""
+    stated = made.environment
+    names = ", ".join(stated.sensors)
+    found = [names and words("certificate.sensors", names=names), stated.note]
+    return [text for text in found if text]
 
 
 def traceability(made: Certificate, words: Translations) -> str:
@@ -107,9 +113,17 @@ def traceability(made: Certificate, words: Translations) -> str:
 
 
 def statements(made: Certificate, words: Translations) -> list[tuple[str, str]]:
-    """Return the statements of a certificate by their keys, each in words."""
+    """Return the statements of a certificate by their keys, each in words.
+
+    Those of STANDS_ELSEWHERE have places of their own in the printed form.
+    """
     stated, text = made.stated, made.stated.deviations
+    condition = f"{words('certificate.condition')}: {stated.condition}"
+    environment = "; ".join(_of_sensors(made, words))
     found = [
+        ("condition", stated.condition and condition),
+        ("environment", environment and f"{words('certificate.conditions')}: {environment}"),
+        ("overdue", " ".join(overdue_lines(made, words))),
         ("deviations", text and words("certificate.deviations", text=text)),
         ("uncertainty", words("certificate.uncertainty")),
         ("traceability", traceability(made, words)),
