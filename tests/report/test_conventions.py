@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from tests.measurement.test_repeatability import measurement as repeated
 from tests.report.test_poses import STEP, unit
+from tests.support.printed import arc_s
+from tests.support.turning import Scene, swept
 from tests.support.validation_cars import write_capture
 from wheelplane.cli import cli
 from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
+from wheelplane.measurement import Estimate, ToeOut, check_by_monte_carlo, pool_repeats
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name, workshop_angles
 from wheelplane.measurement.tolerance.model import Tolerance
@@ -23,9 +27,12 @@ from wheelplane.report.format.writer import Writer
 from wheelplane.report.html.page import html_report
 from wheelplane.report.plots.drawing import Text
 from wheelplane.report.plots.sign_convention import signs_drawing
+from wheelplane.report.tables.checks import monte_carlo_table, repeats_table
 from wheelplane.report.tables.conformity import limits_table, notes
 from wheelplane.report.tables.front import front_groups
+from wheelplane.report.tables.kinematics import steering_tables
 from wheelplane.report.tables.vehicle import axes_table, vehicle_table
+from wheelplane.report.text.budget import budget_text
 from wheelplane.report.text.report import detailed_report
 from wheelplane.report.text.vehicle import vehicle_lines
 from wheelplane.uncertainty.propagation import effects_of
@@ -211,3 +218,45 @@ def test_the_json_is_the_same_in_every_convention(tmp_path):
     assert printed["default"].startswith("{")
     text = CliRunner().invoke(cli, [*command[:2], "--convention", "iso-8855"]).output
     assert "Longitudinal axis in use (centreline)" in text
+
+
+@pytest.mark.parametrize("plain", [True, False])
+def test_checks_are_in_the_unit_of_the_angles_and_name_their_axis(plain):
+    """Repeat scans, Monte Carlo, u of toe-out's curve and the budget: as all angles beside them."""
+    found = check_by_monte_carlo(repeated(), 20_000, 0)
+    view = View("centreline", "deg")
+    writer = Writer(load_translations("en"), view, plain=plain)
+    by_arc = Writer(load_translations("en"), View("centreline"), plain=plain)
+    (group,) = pool_repeats(found)
+    rows = repeats_table(found, writer).rows
+    assert [row[2] for row in rows] == ["toe to the normal of the rear axle", "camber"]
+    for row, angle in zip(rows, group.angles, strict=True):
+        numbers = angle.pooled, angle.u, angle.drift, angle.u_drift
+        for text, size in zip((row[3], row[4], row[7], row[8]), numbers, strict=True):
+            assert text.endswith("°")
+            near = Estimate(size, angle.u_drift if size == angle.drift else angle.u).expanded
+            assert float(text[:-1]) == pytest.approx(np.degrees(size), abs=0.1 * np.degrees(near))
+    drawn = monte_carlo_table(found, found.monte_carlo, writer).rows
+    same = monte_carlo_table(found, found.monte_carlo, by_arc).rows
+    assert len(drawn) == len(same) > 20
+    for row, other in zip(drawn, same, strict=True):
+        assert row[0] == other[0]
+        for text, arc in zip(row[1:3], other[1:3], strict=True):
+            if not text.endswith("m"):
+                assert text.endswith("°")
+                assert float(text[:-1]) == pytest.approx(arc_s(arc) / 3600.0, rel=0.05)
+    shown = budget_text(found, view).partition("Noise of each scan")[0]
+    assert re.search(r"^ +RR toe to centreline +0\.\d+° +0\.\d+° ", shown, re.MULTILINE)
+    assert '"' not in shown
+
+
+def test_the_curve_of_toe_out_is_in_the_unit_of_the_angles():
+    made = Scene(seed=3).references()
+    swept(made, "FL", 0.08, 0.2, np.radians([-20.0, 0.0, 20.0]))
+    of_curve = np.radians(0.0123)
+    turn = ToeOut("left", difference=Estimate(0.02, 1e-4), u_interpolation_rad=of_curve)
+    found = replace(made.measure(), toe_out=(turn,))
+    for angles, shown in (("deg", "0.012°"), ("dms", '44"'), ("mm/m", '44"')):
+        writer = Writer(load_translations("en"), View(angles=angles), plain=True)
+        (row,) = steering_tables(found, writer)[-1][0].rows
+        assert row[-2] == shown

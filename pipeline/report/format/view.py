@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...measurement import VerticalKind
 from ...units import in_metres
 from ...vehicle import Axis
-from .digits import UNKNOWN, arc, brief, decimal, metres, rounded, sexagesimal
+from .digits import UNKNOWN, Sign, arc, brief, decimal, metres, rounded, sexagesimal
 
 AngleStyle = Literal["dms", "deg", "mm/m", "mm"]
 ANGLE_STYLES: tuple[AngleStyle, ...] = get_args(AngleStyle)
@@ -95,13 +95,24 @@ class View:
         total_mm = 1e3 * self.rim_m * (math.sin(left_rad) + math.sin(right_rad))
         return decimal(total_mm, unit.slope * self.known(expanded_rad), unit.decimals) + unit.mark
 
-    def width(self, u_rad: float, sort: Sort, at_rad: float = 0.0) -> str:
-        """Write an uncertainty, or another small size, at the angle at_rad; two digits."""
+    def width(
+        self,
+        size_rad: float,
+        sort: Sort,
+        at_rad: float = 0.0,
+        expanded_rad: float | None = None,
+        sign: Sign = "",
+    ) -> str:
+        """Write an uncertainty, or another small size, at the angle at_rad.
+
+        To the place of its expanded uncertainty; with two digits where there is none.
+        """
         unit = self._decimal_unit(sort, at_rad)
+        expanded = self.known(size_rad if expanded_rad is None else expanded_rad)
         if unit is None:
-            return arc(u_rad, self.known(u_rad))
-        u = unit.slope * u_rad
-        return decimal(u, self.known(u), unit.decimals, "") + unit.mark
+            return arc(size_rad, expanded, sign)
+        size = unit.slope * size_rad
+        return decimal(size, unit.slope * expanded, unit.decimals, sign) + unit.mark
 
     def limit(self, angle_rad: float, sort: Sort) -> str:
         """Write an exact angle, such as a limit, as briefly as its fixed digits allow."""

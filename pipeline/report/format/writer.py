@@ -169,11 +169,18 @@ class Writer:
             return self.none
         return self._negative(self.view.angle(value, sort_of(kind), expanded))
 
-    def angle_width(self, size: float | None, kind: str, at: float) -> str:
+    def angle_width(
+        self,
+        size: float | None,
+        kind: str,
+        at: float,
+        expanded: float | None = None,
+        sign: Sign = "",
+    ) -> str:
         """Write an uncertainty, or another small size, of an angle of this kind at `at`."""
         if size is None or not math.isfinite(size):
             return self.none
-        return self._negative(self.view.width(size, sort_of(kind), at))
+        return self._negative(self.view.width(size, sort_of(kind), at, expanded, sign))
 
     def _negative(self, text: str) -> str:
         """Write a number with this language's decimal sign and this report's minus."""

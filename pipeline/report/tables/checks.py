@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
-from ...measurement import Estimate, Measurement, PooledAngle, pool_repeats, stated
+from ...measurement import Estimate, Measurement, PooledAngle, Stated, pool_repeats, stated
 from ...uncertainty import TOLERANCE, MonteCarlo
 from ..format.writer import Column, Table, Writer
 
@@ -26,15 +27,16 @@ def repeats_table(measurement: Measurement, writer: Writer) -> Table | None:
 
 
 def _pooled(angle: PooledAngle, writer: Writer) -> list[str]:
-    words = writer.words
+    words, small = writer.words, partial(writer.angle_width, kind=angle.kind, at=angle.pooled)
     drifts = writer.none, writer.none
     if angle.drift is not None and angle.u_drift is not None:
         drift = Estimate(angle.drift, angle.u_drift)
-        drifts = writer.arc(drift.value, drift.expanded, "+"), writer.size(drift.u, "rad")
+        drifts = small(drift.value, expanded=drift.expanded, sign="+"), small(drift.u)
     pooled = Estimate(angle.pooled, angle.u)
     return [
-        writer.quantity(angle.kind), writer.number(angle.pooled, "rad", pooled.expanded),
-        writer.size(angle.u, "rad"), writer.reduced_chi_square(angle.chi_square, angle.dof),
+        writer.from_rear_axle(angle.kind),
+        writer.angle(angle.pooled, angle.kind, pooled.expanded),
+        small(angle.u), writer.reduced_chi_square(angle.chi_square, angle.dof),
         writer.share(angle.probability), *drifts, words.known("checks", angle.status),
     ]  # fmt: skip
 
@@ -53,11 +55,18 @@ def monte_carlo_table(measurement: Measurement, drawn: MonteCarlo, writer: Write
         apart = f"{100.0 * float(drawn.end_difference[i]) / u:.1f} %" if u > 0.0 else writer.none
         name = writer.quantity(quantity.name.removeprefix(f"{quantity.subject}."))
         wheel = "" if quantity.subject == "vehicle" else f"{writer.wheel(quantity.subject)} "
-        write = writer.millimetres if quantity.unit == "m" else writer.arc
-        rows.append([wheel + name, write(formula, fine), write(draws, fine), words.number(apart)])
+        sizes = (_half(quantity, size, fine, writer) for size in (formula, draws))
+        rows.append([wheel + name, *sizes, words.number(apart)])
     columns = (Column(words("vehicle.quantity"), quiet=True), words("checks.formula"),
                words("checks.draws"), words("checks.apart"))  # fmt: skip
     return writer.table(columns, rows, 1, words("checks.monte_carlo"))
+
+
+def _half(quantity: Stated, size: float, fine: float, writer: Writer) -> str:
+    """Write half of an interval of a quantity, to the place of `fine`."""
+    if quantity.unit == "m":
+        return writer.millimetres(size, fine)
+    return writer.angle_width(size, quantity.kind, quantity.value, fine)
 
 
 def monte_carlo_words(drawn: MonteCarlo, writer: Writer) -> tuple[str, str]:

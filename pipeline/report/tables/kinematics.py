@@ -139,7 +139,8 @@ def _turns_table(turns: Sequence[ToeOut], writer: Writer) -> Table:
     rows = [
         [words(f"turned.turn_{found.turn}"), writer.status(found.status),
          *writer.estimate(found.difference, f"toe_out_{found.turn}"),
-         writer.size(found.u_interpolation_rad, "rad") if found.difference else writer.none,
+         writer.angle_width(found.u_interpolation_rad, f"toe_out_{found.turn}", 0.0)
+         if found.difference else writer.none,
          _reason(found)]
         for found in turns
     ]  # fmt: skip

@@ -35,7 +35,7 @@ correlation."""
 
 
 def _row(quantity: Stated, writer: Writer) -> tuple[str, ...]:
-    u, expanded = (writer.size(x, quantity.unit) for x in (quantity.u, quantity.expanded))
+    u, expanded = writer.spread(quantity)
     contributions = (
         f"{100.0 * share:.1f}" for share in (*quantity.contributions, quantity.through_frame)
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...measurement import Measurement
 from ...uncertainty import MonteCarlo
-from ..format.view import DEFINED, View
+from ..format.view import View
 from ..tables.checks import monte_carlo_table, monte_carlo_words, repeats_table
 from .plain import plain_writer
 
@@ -15,10 +15,7 @@ def repeats_text(measurement: Measurement, view: View) -> list[str]:
     table = repeats_table(measurement, writer)
     if table is None:
         return []
-    parts = [table.block(writer.words("checks.repeats_note"))]
-    if view.axis != "rear-axle":
-        parts.append(f"Pooled toe is measured from the {DEFINED['rear-axle']}.")
-    return parts
+    return [table.block(writer.words("checks.repeats_note"))]
 
 
 def monte_carlo_text(measurement: Measurement, drawn: MonteCarlo, view: View) -> str:
