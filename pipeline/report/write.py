@@ -49,7 +49,7 @@ def write_reports(
     beside its numbers as its own.
     """
     from .json.measurement import to_json
-    from .plots.budget import budget_svg
+    from .plots.budget import budget_drawing
     from .plots.files import file_name
     from .plots.target_face import face_png
     from .text.report import detailed_report
@@ -59,11 +59,11 @@ def write_reports(
     files = {
         "measurement.json": to_json(measurement, conformity, view.axis, options.before).encode(),
         "report.txt": detailed_report(measurement, conformity, view, options.before).encode(),
-        "budget.svg": budget_svg(measurement, view.axis).encode(),
+        "budget.svg": budget_drawing(measurement, options.words, view.axis).svg.encode(),
     }
     files |= report_files(measurement, conformity, options, wanted)
     for result in measurement.wheels if wanted.pictures else ():
-        png = face_png(result, measurement.frame)
+        png = face_png(result, measurement.frame, options.words)
         if png is not None:
             files[file_name(f"target-{result.observation.name}", "png", files)] = png
     return write_result(folder, files, "measurement.json", REPORTS)

@@ -13,10 +13,12 @@ from wheelplane.cli import main
 from wheelplane.commands.reporting import plot_to, report_options, show_plot
 from wheelplane.config import Config, ReportConfig, load_config
 from wheelplane.errors import ConfigError
-from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.html.page import ReportOptions
 from wheelplane.report.json.measurement import to_json
+from wheelplane.report.plots.drawing_png import drawing_png
+from wheelplane.report.plots.target_face import face_drawing
 from wheelplane.report.write import ReportFiles, write_reports
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
@@ -50,6 +52,19 @@ def test_what_is_wanted_is_written(wanted, more, tmp_path):
     written = write_reports(measured(1), tmp_path / "new" / "folder", wanted=wanted)
     assert {path.name for path in written} == ALWAYS | more
     assert all(path.stat().st_size > 1000 for path in written)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_pictures_are_in_the_language_of_the_report(language, tmp_path):
+    words = load_translations(language)
+    options = ReportOptions(words, PAPER)
+    write_reports(measured(1), tmp_path, options=options, wanted=ReportFiles(html=False))
+    budget = (tmp_path / "budget.svg").read_text(encoding="utf-8")
+    assert f">{words('plot.budget_title')}<" in budget
+    for wheel in measured(1).wheels:
+        name = wheel.observation.name
+        face = drawing_png(face_drawing(wheel, measured(1).frame, words))
+        assert (tmp_path / f"target-{name}.png").read_bytes() == face
 
 
 def test_no_report_of_an_earlier_measurement_stays_beside_a_new_one(tmp_path):

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ...measurement import Measurement, Stated, against, stated
 from ...vehicle import REFERENCE_WHEELS, Axis
 from ..format.digits import size
-from ..format.language import Translations, load_translations
+from ..format.language import Translations
 from .drawing import GRID, PALE, Drawing, Mark, Path, Text, cut, rectangle
 
 # Okabe and Ito's palette for the colour-blind, in the order of first use.
@@ -42,11 +42,6 @@ COLOURS = {
 OTHER = "#222222"
 LABEL, BAR, VALUE, ROW, HEAD = 204.0, 404.0, 164.0, 24.0, 62.0  # pixels
 LEGEND, SWATCH, CHARACTER = 186.0, 18.0, 5.8  # least width of a column; before and of its text
-
-
-def budget_svg(measurement: Measurement, axis: Axis = "rear-axle") -> str:
-    """Return the SVG of all quantities relative to an axis, in English; deterministic."""
-    return budget_drawing(measurement, load_translations("en"), axis).svg
 
 
 def budget_drawing(

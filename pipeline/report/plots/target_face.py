@@ -12,7 +12,7 @@ from ...measurement import CELLS, ResidualMap, WheelResult
 from ...plane import PlaneFit
 from ...vectors import Array, turned
 from ...vehicle import VehicleFrame
-from ..format.language import Translations, load_translations
+from ..format.language import Translations
 from .drawing import (
     GRID,
     MINUS,
@@ -36,9 +36,9 @@ SIDE, HEAD, FOOT, LEFT = 300.0, 44.0, 54.0, 30.0
 OUTLINE, BAR, BAR_HEIGHT = "#006400", 165.0, 15.0
 
 
-def face_png(result: WheelResult, frame: VehicleFrame) -> bytes | None:
+def face_png(result: WheelResult, frame: VehicleFrame, words: Translations) -> bytes | None:
     """Return the PNG of one wheel's target, or None where no scan was fitted."""
-    drawing = face_drawing(result, frame, load_translations("en"))
+    drawing = face_drawing(result, frame, words)
     return None if drawing is None else drawing_png(drawing)
 
 
