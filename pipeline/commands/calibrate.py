@@ -39,7 +39,7 @@ from ..report.write import write_files
 from ..targets import load_target
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import REFERENCE_WHEELS
-from .certificate import CertificateOptions, certificate_options
+from .certificate import CertificateOptions, certificate_options, keep_signed
 from .options import (
     capture_options,
     config_option,
@@ -270,6 +270,7 @@ def calibrate(
     files = {"calibration.json": record.encode(), "calibration.txt": text.encode()}
     if output:
         files |= issuing.files(found, opening.config, view, record)
+        keep_signed(output, files)
     written = write_files(output, files) if output else []
     if as_json:
         click.echo(record, nl=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import partial, wraps
 from pathlib import Path
@@ -99,6 +100,16 @@ class CertificateOptions:
         key = read_private_key(self.key, partial(_passphrase, self.key))
         content = {"calibration.json": record.encode(), **files}
         return files | {f"{name}.sig": signature_of(data, key) for name, data in content.items()}
+
+
+def keep_signed(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Raise InputError where a file that is signed would be replaced by one that is not."""
+    for name in files:
+        if f"{name}.sig" not in files and (folder / f"{name}.sig").exists():
+            raise InputError(
+                f"{folder / name}: is signed, and would be replaced by one that is not: give "
+                f"another folder, or --sign; or remove {name}.sig"
+            )
 
 
 def _passphrase(path: Path) -> str:

@@ -150,6 +150,25 @@ def test_signed_files_are_verified_and_a_change_is_seen(keys, tmp_path):
         assert "the file was changed, or signed by another key" in found.stdout
 
 
+def test_what_is_signed_is_not_replaced_by_what_is_not(keys, tmp_path):
+    """A draft would stand in the place of a certificate, beside a signature that does not fit."""
+    signing = ("--sign", keys / "own.key")
+    issued(keys, "-o", tmp_path, *signing, text="open\n")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for stated in (True, False):
+        with pytest.raises(InputError, match=r"calibration\.json: is signed, .* --sign; or remove"):
+            issued(keys, "-o", tmp_path, stated=stated)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+    issued(keys, "-o", tmp_path, "--language", "pt", *signing, text="open\n")
+    page = tmp_path / "certificate.html"
+    assert page.read_bytes() != before["certificate.html"]
+    assert run(verify, page, "--key", keys / "own.pub").return_value == 0
+    for signature in tmp_path.glob("*.sig"):
+        signature.unlink()
+    issued(keys, "-o", tmp_path, stated=False)
+    assert "DRAFT" in page.read_text()
+
+
 def test_verify_lists_what_a_schema_does_not_allow(bay, tmp_path):
     pytest.importorskip("lxml")
     (tmp_path / "dcc.xsd").write_text(
