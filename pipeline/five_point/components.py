@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..config import StationConfig
+from ..diagnostics import length
+from ..errors import InputError
 from ..uncertainty import UncertaintyComponent, chi_square_beyond
 from ..vectors import Array
 from .fit_block import BlockFit
 
 ARCSEC = math.pi / 648_000
+SIGHTS_M = (0.1, 1000.0)  # shorter than any total station focuses; longer than a mark is seen
 SIGNIFICANCE = 0.01  # of the chi-square test of the residuals against the stated noise
 
 
@@ -22,6 +25,18 @@ class Station:
 
     stated: StationConfig
     position_m: Array
+
+
+def check_station(points_m: Array, station: Station, source: str) -> None:
+    """Raise InputError, which names the file, where points (..., 3) are no sight's length away."""
+    sights_m = np.linalg.norm(points_m - station.position_m, axis=-1)
+    for sight_m, way in ((float(sights_m.min()), "nearest"), (float(sights_m.max()), "farthest")):
+        if not SIGHTS_M[0] <= sight_m <= SIGHTS_M[1]:
+            raise InputError(
+                f"{source}: the {way} point lies {length(sight_m)} from the total station, sights "
+                f"are {length(SIGHTS_M[0])} to {length(SIGHTS_M[1])} long: check "
+                "--total-station-position and --length-unit"
+            )
 
 
 @dataclass(frozen=True)

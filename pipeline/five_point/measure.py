@@ -10,7 +10,7 @@ import numpy as np
 from .. import __version__
 from ..measurement import Measurement, Observation, Provenance, align
 from .check_blocks import check_blocks, check_radius
-from .components import Station
+from .components import Station, check_station
 from .file import FivePointFile
 from .observe import copied_blocks, observe_block, pooled_noise
 
@@ -28,8 +28,10 @@ def measure_five_point(
     radius_m: of the circle that the five points of every block lie on, if it is known. check:
     whether a block that is not plausible gets a status, and adds nothing to the noise of the
     others; a copy of a block adds nothing in any case. Raises InputError where it is a reference
-    wheel's, and not because of a single point.
+    wheel's, and not because of a single point; and for a station at a point, or out of sight.
     """
+    if station is not None:
+        check_station(file.blocks_m, station, file.source)
     if radius_m is not None:
         check_radius(file.blocks_m, radius_m, file.source)
     checks = check_blocks(file.blocks_m, station, radius_m) if check else ()

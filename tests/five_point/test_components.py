@@ -8,9 +8,10 @@ from click.testing import CliRunner
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from tests.support.wrong_digits import paper
 from wheelplane.cli import cli
 from wheelplane.config import StationConfig, load_station
-from wheelplane.errors import ConfigError
+from wheelplane.errors import ConfigError, InputError
 from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import FivePointFile
@@ -195,3 +196,25 @@ def test_shipped_station_is_read_and_a_scanner_is_refused():
     assert load_station("leica-tm30").range_sigma_m > 0.0
     with pytest.raises(ConfigError, match="instrument"):
         load_station("default")
+
+
+@pytest.mark.parametrize(
+    ("apart_m", "says"),
+    [
+        (0.0, r"nearest point lies 0 mm from the total station, sights are 100 mm to 1 km long"),
+        (0.05, r"nearest point lies 47\.07 mm"),
+        (0.2, ""),
+        (900.0, ""),
+        (3e4, r"nearest point lies 30 km .*: check --total-station-position"),
+    ],
+)
+def test_a_station_at_a_point_or_out_of_sight_is_refused(apart_m, says):
+    """At a point u was not a number; of metres for millimetres it is tens of degrees."""
+    blocks = paper()
+    station = Station(STATED, blocks[0, 0] + [0.0, 0.0, apart_m])
+    if says:
+        with pytest.raises(InputError, match=says):
+            measure_five_point(file(blocks), station)
+    else:
+        u = measure_five_point(file(blocks), station).uncertainty.standard
+        assert np.isfinite(u).all()

@@ -27,7 +27,7 @@ ROOMS = (
     *("readers", "capture", "detection", "measurement", "diagnostics", "five_point", "kinematics"),
     *("wheel", "centre", "plane", "targets", "report/format"),
 )
-OF_COMMANDS = {"sample", "radius", "tolerance", "before", "digits"}
+OF_COMMANDS = {"sample", "radius", "tolerance", "before", "digits", "total-station-position"}
 
 
 def strings() -> Iterator[str]:
