@@ -655,6 +655,25 @@ def test_a_report_says_which_captures_are_in_doubt_and_how_many_statistics_leave
     assert report("--summary", "--vehicle", "car a").count(left_out) == 0
 
 
+def test_tables_and_ranges_hold_the_numbers_of_captures_in_doubt(tmp_path):
+    """Every list of captures gives the numbers that stand in the JSON of each."""
+    trees = [result(name, RR_toe=toe) for name, toe in (("a", 0.1), ("b", 20.0), ("c", 0.2))]
+    trees[1]["doubts"] = [{"trial": None, "note": "mirrored"}]
+    add(open_store(str(tmp_path)), *trees)
+    with open_catalogue(str(tmp_path)) as catalogue:
+        table = export.table(catalogue)
+        assert dict(zip(table["name"], table["RR_toe_deg"], strict=True)) == {
+            "a": 0.1,
+            "b": 20.0,
+            "c": 0.2,
+        }
+        assert not any(np.isnan(column[1]) for name, column in table.items() if "_m" in name)
+        for low, found in ((19.0, "b"), (0.0, "abc")):
+            which = Filter(ranges=(ValueRange("RR toe", low, 21.0),))
+            assert [row.name for row in captures(catalogue, which)] == list(found)
+        assert [len(one.values) for one in series(catalogue, ["RR toe"])] == [2]
+
+
 def test_csv_is_printed_as_it_is_written(results, tmp_path):
     run(results, "--csv", tmp_path / "table.csv")
     assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text(encoding="utf-8")

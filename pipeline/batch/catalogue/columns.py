@@ -19,7 +19,7 @@ from ...vectors import Array
 from ...vehicle import REFERENCE_WHEELS
 
 # ids, days: of the captures of a part, in the order of their keys. numbers: their values, then
-# their u, nan where not measured, or in doubt. Little-endian, 64 bits each.
+# their u, nan where not measured. Little-endian, 64 bits each.
 TABLES = """
 CREATE TABLE kinds(kind_id INTEGER PRIMARY KEY, kind TEXT NOT NULL, unit TEXT NOT NULL);
 CREATE TABLE parts(part INTEGER PRIMARY KEY, ids BLOB NOT NULL, days BLOB NOT NULL);
@@ -57,12 +57,12 @@ def renew_columns(connection: sqlite3.Connection, numbers: Iterable[int]) -> Non
 def _write_part(connection: sqlite3.Connection, part: int) -> None:
     span = part << SHIFT, (part + 1 << SHIFT) - 1
     rows = connection.execute(
-        "SELECT id, day, doubted FROM captures WHERE id BETWEEN ? AND ? ORDER BY id", span
+        "SELECT id, day FROM captures WHERE id BETWEEN ? AND ? ORDER BY id", span
     ).fetchall()
     if not rows:
         return
-    numbers, dates, doubted = zip(*rows, strict=True)
-    ids, days, sound = np.array(numbers, "<i8"), np.array(dates, "<f8"), np.array(doubted) == 0
+    numbers, dates = zip(*rows, strict=True)
+    ids, days = np.array(numbers, "<i8"), np.array(dates, "<f8")
     connection.execute("INSERT INTO parts VALUES (?, ?, ?)", (part, ids.tobytes(), days.tobytes()))
     columns = _angles(connection, span)
     for (kind,) in connection.execute("SELECT kind_id FROM kinds ORDER BY kind_id").fetchall():
@@ -72,7 +72,6 @@ def _write_part(connection: sqlite3.Connection, part: int) -> None:
             column = np.full((2, len(ids)), np.nan, "<f8")
             at = np.searchsorted(ids, np.array(numbers, np.int64))
             column[:, at] = np.array((values, u), float)
-            column[:, ~sound] = np.nan
             row = kind, part, column.tobytes()
             connection.execute("INSERT INTO columns VALUES (?, ?, ?)", row)
 
@@ -103,7 +102,7 @@ def captures_of(connection: sqlite3.Connection) -> tuple[Numbers, Array]:
 
 
 def column_of(connection: sqlite3.Connection, name: str, unit: str, ids: Numbers) -> Array:
-    """Return values and u (2, N) of a quantity, of all captures; nan: not measured, or in doubt.
+    """Return values and u (2, N) of a quantity, of all captures; nan where not measured.
 
     ids: those of `captures_of`.
     """

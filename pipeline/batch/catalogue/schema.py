@@ -13,7 +13,7 @@ from .columns import TABLES as COLUMNS
 from .columns import kind_id
 from .rows import CaptureRow, Record, WheelRow
 
-APPLICATION = 0x77706C07  # "wpl" and a number to raise with every change of the tables
+APPLICATION = 0x77706C08  # "wpl" and a number to raise with every change of the tables
 KEY_DIGITS = 15  # of the key make the row's number: 60 bits, in the order of the keys
 CAPTURE_COLUMNS = tuple(field.name for field in fields(CaptureRow))
 WHEEL_COLUMNS = tuple(field.name for field in fields(WheelRow))

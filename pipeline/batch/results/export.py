@@ -45,7 +45,7 @@ def table(catalogue: Catalogue, which: Filter = ALL) -> ExportColumns:
     columns = {name: _column(name, rows) for name in CAPTURE_COLUMNS if name not in LEFT_OUT}
     numbers = np.array([number_of(row.key) for row in rows], np.int64)
     order = np.argsort(numbers)
-    for one in series(catalogue, None, which):
+    for one in series(catalogue, None, which, in_doubt=True):
         name = f"{one.quantity.replace(' ', '_')}_{one.unit}"
         indices = order[np.searchsorted(numbers[order], one.numbers)]
         for column, values in ((name, one.values), (f"u_{name}", one.u)):

@@ -255,6 +255,12 @@ def chosen(catalogue: Catalogue, which: Filter) -> Numbers:
     return np.fromiter((number for (number,) in rows), np.int64)
 
 
+def in_doubt_of(catalogue: Catalogue) -> Numbers:
+    """Return the numbers (N,) of the captures in doubt."""
+    rows = catalogue.connection.execute("SELECT id FROM captures WHERE doubted")
+    return np.fromiter((number for (number,) in rows), np.int64)
+
+
 def _within(catalogue: Catalogue, ranges: tuple[ValueRange, ...]) -> str:
     """Return the SQL term for the captures whose quantities all lie in their ranges.
 

@@ -13,7 +13,7 @@ from ...cloud import side_by_side
 from ...vectors import Array, Mask
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.columns import captures_of, column_of
-from .query import ALL, Filter, chosen, known_quantity, quantity_units
+from .query import ALL, Filter, chosen, in_doubt_of, known_quantity, quantity_units
 
 T = TypeVar("T")
 
@@ -36,10 +36,16 @@ class Series:
 
 
 def series(
-    catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
+    catalogue: Catalogue,
+    quantities: Sequence[str] | None = None,
+    which: Filter = ALL,
+    in_doubt: bool = False,
 ) -> tuple[Series, ...]:
-    """Load the named quantities, or all, without those of no capture. Raises InputError."""
-    loader = _Loader(catalogue, which)
+    """Load the named quantities, or all, without those of no capture. Raises InputError.
+
+    in_doubt: captures in doubt, too, which statistics leave out.
+    """
+    loader = _Loader(catalogue, which, in_doubt)
     loaded = map(loader.load, loader.names(quantities))
     return tuple(one for one in loaded if one is not None)
 
@@ -61,12 +67,15 @@ def over_series(
 
 
 class _Loader:
-    """Loader of the series of the captures chosen."""
+    """Loader of the series of the captures chosen; in_doubt: also of those in doubt."""
 
-    def __init__(self, catalogue: Catalogue, which: Filter) -> None:
+    def __init__(self, catalogue: Catalogue, which: Filter, in_doubt: bool = False) -> None:
         self._catalogue, self._units = catalogue, quantity_units(catalogue)
         self._numbers, self._days = captures_of(catalogue.connection)
         self._among = None if which == ALL else np.isin(self._numbers, chosen(catalogue, which))
+        if not in_doubt and len(doubted := in_doubt_of(catalogue)):
+            sound = ~np.isin(self._numbers, doubted)
+            self._among = sound if self._among is None else sound & self._among
         self._before = np.zeros(len(self._numbers), bool)
         self._shared = self._numbers[:0], self._days[:0]
 
