@@ -598,6 +598,9 @@ def test_points_of_one_cloud_count_once(kind, points, total):
         ({"wheels": [{"points_total": 2**53}]}, "no number of points"),
         ({"wheels": 2 * [{"points_total": 2**53 - 1}]}, f"hold {2**54 - 2} points"),
         ({"capture": 7}, "`capture` is 7, not text"),
+        ({"doubts": 5}, "`doubts` is not a list of objects"),
+        ({"doubts": {"trial": None}}, "`doubts` is not a list of objects"),
+        ({"doubts": ["mirrored"]}, "`doubts` is not a list of objects"),
     ],
 )
 def test_a_section_of_another_kind_is_damage(changes, reason):

@@ -181,7 +181,7 @@ def _record(blank: CaptureRow, sections: list[Any]) -> Record:
         version=_text({"version": version}, "version"),
         config_sha256=_text(batch, "config_sha256"),
         vertical=(_text({"vertical": vertical}, "vertical") or WHEELS) if rows else "",
-        doubted=int(any(one.get("trial") is None for one in doubts or ())),
+        doubted=int(_is_doubted(doubts or [])),
     )
     quantities = tuple(_quantities(frame or {}, vehicle or {}))
     return Record(capture, rows, quantities, calibration_row(calibrated))
@@ -218,6 +218,13 @@ def _quantities(frame: Any, vehicle: Any) -> list[QuantityRow]:
             tree = frame if key in of_frame else vehicle
             rows.append(QuantityRow(kind, _number(tree, key), _number(tree, f"u_{key}"), unit))
     return rows
+
+
+def _is_doubted(doubts: Any) -> bool:
+    """Return whether a doubt is about the vehicle, and not about a trial."""
+    if not isinstance(doubts, list) or not all(isinstance(one, dict) for one in doubts):
+        raise _DamagedError("`doubts` is not a list of objects")
+    return any(one.get("trial") is None for one in doubts)
 
 
 def _points(wheels: list[Any], of_cloud: bool) -> int:
