@@ -101,6 +101,23 @@ def test_why_shows_reason_inputs_and_log(finished):
     assert "00/car-0000.txt: ok" in call("batch", "-o", results, "--why", "00/car-0000.txt").stdout
 
 
+def test_a_damaged_result_goes_by_its_key_until_it_is_measured_again(finished):
+    archive, results = finished
+    before = trees(results)
+    key = before["00/car-0000.txt"]["batch"]["key"]
+    (path,) = results.glob(f"measurements/*/{key}.json")
+    path.unlink()  # a file changed in place is not noticed
+    path.write_text('{"schema": ')
+    assert key in call("results", results).stdout
+    assert f"\n{'':9}{key}\n" in call("results", results, "--failures").stdout
+    done = call("batch", "-o", results, "--why", key)
+    assert done.returncode == 0
+    assert done.stdout.startswith(f"{key}: damaged\n  not JSON, or incomplete (11 bytes)\n")
+    assert f"wheelplane batch {archive} -o {results} --retry damaged" in done.stdout
+    assert "3 done before, 1 to do" in run(archive, results, "--retry", "damaged").stderr
+    assert trees(results) == before
+
+
 NAMES = [
     "it's/car 1.txt",
     "a\x1b[2J\n'\\b.txt",

@@ -75,3 +75,21 @@ def test_a_failed_capture_has_its_account_and_no_file_from_elsewhere(tmp_path):
     log.rename(tmp_path / "outside")
     log.symlink_to(tmp_path / "outside")
     assert account("failed") == ""
+
+
+def test_a_damaged_result_is_listed_by_its_key_and_says_why(tmp_path):
+    site = Site(tmp_path)
+    archive = archive_of(tmp_path / "archive", 2)
+    assert run(archive, site.allowed / "results", "--workers", "1").returncode == 0
+    path = next((site.allowed / "results").glob("measurements/*/*.json"))
+    path.unlink()
+    path.write_text('{"schema": ')
+    rows = site.get("/api/archive/captures/0/results?status=damaged").json["table"]["rows"]
+    assert [row[0] for row in rows] == [path.stem]
+    (row,) = site.get("/api/archive/failures/0/results").json["table"]["rows"]
+    assert row[-1] == path.stem
+    shown = site.get(f"/api/archive/capture/0/results?key={path.stem}").json
+    assert (shown["name"], shown["tables"], shown["record"]) == (path.stem, [], "")
+    printed = call("batch", "-o", site.allowed / "results", "--why", path.stem).stdout
+    assert shown["why"].strip() == printed.strip()
+    assert printed.startswith(f"{path.stem}: damaged\n")

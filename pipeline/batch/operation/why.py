@@ -11,6 +11,7 @@ from typing import Any
 from ...errors import InputError, printable
 from ..catalogue.catalogue import open_catalogue
 from ..catalogue.load_records import json_name
+from ..catalogue.rows import DAMAGED, CaptureRow, read_record
 from ..storage.store import Store, open_store
 from ..storage.zipped import zip_above
 
@@ -34,9 +35,13 @@ TAKEN = {  # of the options of `batch`, by the command that measures one capture
 
 
 def account(results: str, name: str) -> str:
-    """Return why the result of the capture `name` is as it is. Raises InputError if it has none."""
+    """Return why the result of the capture `name` is as it is. Raises InputError if it has none.
+
+    A damaged result, which names no capture, is called by its key.
+    """
     with open_catalogue(results) as catalogue:
-        rows = catalogue.connection.execute("SELECT key FROM captures WHERE name = ?", (name,))
+        question = "SELECT key FROM captures WHERE name = :name OR key = :name"
+        rows = catalogue.connection.execute(question, {"name": name})
         keys = [key for (key,) in rows]
     if not keys:
         raise InputError(
@@ -49,8 +54,13 @@ def account(results: str, name: str) -> str:
 
 def account_of(store: Store, key: str) -> str:
     """Return why the result of a key is as it is. Raises InputError."""
-    tree: dict[str, Any] = json.loads(store.read(json_name(key)))
-    lines = [*_lines(store, key, tree), "", *_next(store, tree)]
+    data = store.read(json_name(key))
+    row = read_record(key, data).capture
+    if row.status == DAMAGED:
+        lines = [*_damaged(store, row), "", *_next(store, DAMAGED, "")]
+    else:
+        tree: dict[str, Any] = json.loads(data)
+        lines = [*_lines(store, key, tree), "", *_next(store, row.name, row.kind)]
     return "\n".join(map(printable, lines))
 
 
@@ -74,26 +84,39 @@ def _lines(store: Store, key: str, tree: dict[str, Any]) -> list[str]:
         lines.append(f"  wheel      {wheel['name']}: {wheel['status']}{reason}")
     inputs = origin["inputs"].items()
     lines += [f"  input      {file}  {digest}" for file, digest in inputs]
+    return lines + _log_lines(store, key)
+
+
+def _damaged(store: Store, row: CaptureRow) -> list[str]:
+    """Return what is known of a result that cannot be read."""
+    lines = [f"{row.key}: {row.status}", f"  {row.reason}", f"  result     {json_name(row.key)}"]
+    return lines + _log_lines(store, row.key)
+
+
+def _log_lines(store: Store, key: str) -> list[str]:
     log = _log(key)
-    if store.exists(log):
-        text = store.read(log).decode(errors="replace").rstrip()
-        lines += ["", f"{log}:", *(f"  {line}" for line in text.split("\n"))]
-    return lines
+    if not store.exists(log):
+        return []
+    text = store.read(log).decode(errors="replace").rstrip()
+    return ["", f"{log}:", *(f"  {line}" for line in text.split("\n"))]
 
 
-def _next(store: Store, capture: dict[str, Any]) -> list[str]:
-    """Return the commands that show a capture's targets, and that measure it again."""
-    name = capture["capture"]
+def _next(store: Store, name: str, kind: str) -> list[str]:
+    """Return the commands that show a capture's targets, and that measure it again.
+
+    name: of the capture, or a status of `--retry`; kind: empty of a status.
+    """
     given = json.loads(store.read(OPTIONS)) if store.exists(OPTIONS) else {}
-    again = ["wheelplane", "batch", "ARCHIVE", "-o", store.url, "--retry", name, *_flat(given)]
-    commands = {"measure it again": _pasted(again)}
-    if store.exists(MANIFEST):
-        again[2] = json.loads(store.read(MANIFEST))["archive"]
-        command = "five-point" if capture["batch"]["kind"] == "five-point" else "measure"
+    known = json.loads(store.read(MANIFEST)) if store.exists(MANIFEST) else {}
+    archive = known.get("archive", "ARCHIVE")
+    lines = []
+    if known and kind:
+        command = "five-point" if kind == "five-point" else "measure"
         taken = {option: text for option, text in given.items() if option in TAKEN[command]}
-        alone = _alone(again[2], name, ["wheelplane", command], _flat(taken))
-        commands = {"see its targets": alone, "measure it again": _pasted(again)}
-    return [f"{what}: {command}" for what, command in commands.items()]
+        alone = _alone(archive, name, ["wheelplane", command], _flat(taken))
+        lines.append(f"see its targets: {alone}")
+    again = ["wheelplane", "batch", archive, "-o", store.url, "--retry", name, *_flat(given)]
+    return [*lines, f"measure it again: {_pasted(again)}"]
 
 
 def _flat(options: dict[str, str]) -> list[str]:

@@ -161,18 +161,21 @@ def quantities_of(catalogue: Catalogue, key: str) -> tuple[QuantityRow, ...]:
 def failures(
     catalogue: Catalogue, which: Filter = ALL, examples: int = 3
 ) -> tuple[FailureGroup, ...]:
-    """Group the failures, the most frequent first; examples: number of capture names in each."""
+    """Group the failures, the most frequent first; examples: number of capture names in each.
+
+    A damaged result, which names no capture, is called by its key.
+    """
     where, values = condition(catalogue, which)
     rows = catalogue.connection.execute(
-        f"SELECT status, stage, reason, name FROM captures AS c {where or 'WHERE TRUE'} "  # noqa: S608
+        f"SELECT status, stage, reason, name, key FROM captures AS c {where or 'WHERE TRUE'} "  # noqa: S608
         "AND (status < 'ok' OR status > 'ok') ORDER BY +name, id",  # by the status, unlike <>
         values,
     )
     groups: dict[tuple[str, str, str], list[str]] = {}
     first: dict[tuple[str, str, str], str] = {}
-    for status, stage, reason, name in rows:
+    for status, stage, reason, name, key in rows:
         group = status, stage, general(reason, name)
-        groups.setdefault(group, []).append(name)
+        groups.setdefault(group, []).append(name or key)
         first.setdefault(group, reason)
     found = [
         FailureGroup(group[0], group[1], first[group], len(names), tuple(names[:examples]))

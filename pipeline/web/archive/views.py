@@ -131,7 +131,13 @@ def _captures(catalogue: Catalogue, parameters: Parameters, words: Translations)
     found = list(captures(catalogue, which, "name", PAGE, offset))
     angles = [_angles(catalogue, row.key, words) for row in found]
     rows = [
-        [row.name, row.vehicle or NONE, row.date or NONE, capture_status(row, words), *shown]
+        [
+            row.name or row.key,
+            row.vehicle or NONE,
+            row.date or NONE,
+            capture_status(row, words),
+            *shown,
+        ]
         for row, shown in zip(found, angles, strict=True)
     ]
     head = [words(f"page.{name}").lower() for name in ("name", "vehicle", "date", "status")]
@@ -183,7 +189,7 @@ def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) 
                  toe, "u", camber, "u")  # fmt: skip
     of_vehicle = (words("page.quantity").lower(), words("vehicle.value"), "u")
     return {
-        "name": found.name,
+        "name": found.name or found.key,
         "facts": [[words("page.status"), capture_status(found, words)]]
         + [[words("page.reason"), joined_notes_in(found.reason, words)]] * bool(found.reason)
         + [[words("page.date"), found.date]] * bool(found.date)
