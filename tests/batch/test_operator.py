@@ -197,6 +197,18 @@ def test_what_cannot_be_copied_is_one_reason_whatever_its_name(name, stamp):
     assert len(reason) < 100
 
 
+NAMED = ["bad.txt", "00/car-7.txt", "2", "4711", "a", "line", "number", "#"]
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_reason_is_the_same_whatever_the_captures_name(name):
+    fact = "line 2: 2 numbers where 3 are needed"
+    assert general(f"{name}: {fact}", name) == "line #: # numbers where # are needed"
+    fact = "a target of 0.5 mm: a scan of 12 points"
+    assert general(f"{name}/rr.ply: {fact}", name) == "rr.ply: a target of # mm: a scan of # points"
+    assert general(f"it has the scans of {name}", name) == "it has the scans of #"
+
+
 # Runs at work
 
 

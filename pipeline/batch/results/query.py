@@ -189,20 +189,31 @@ NUMBERS = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def general(reason: str, name: str) -> str:
-    """Return the reason of a failure without the capture's name and its numbers."""
-    return NUMBERS.sub("#", _with_name(reason, name, "")).removeprefix(": ")
+    """Return the reason of a failure with # in the place of the capture's name and of numbers."""
+    for form in _forms(name):
+        reason = _unnamed(reason, form)
+    return NUMBERS.sub("#", reason).removeprefix("#: ").removeprefix("#/")
+
+
+def _unnamed(reason: str, name: str) -> str:
+    """Put # for a name that stands alone before : or / or at the end: elsewhere it is a word."""
+    text, *parts = f"{reason}\n".split(name)
+    for part in parts:
+        is_name = not text[-1:].isalnum() and part[:1] in ("/", ":", "\n")
+        text += ("#" if is_name else name) + part
+    return text.removesuffix("\n")
 
 
 def brief(reason: str, name: str) -> str:
     """Return the reason of a failure with a long name of its capture cut, to show the fact."""
-    return reason if len(name) <= MOST_OF_NAME else _with_name(reason, name, f"{name[:57]}...")
-
-
-def _with_name(reason: str, name: str, by: str) -> str:
-    """Return the reason with the capture's name, in each form that it may have there, replaced."""
-    for form in dict.fromkeys((name, printable(name), " ".join(name.split()))):
-        reason = reason.replace(form, by) if form else reason
+    for form in _forms(name) if len(name) > MOST_OF_NAME else ():
+        reason = reason.replace(form, f"{name[:57]}...")
     return reason
+
+
+def _forms(name: str) -> list[str]:
+    """Return the forms that the name of a capture may have in a reason, each once."""
+    return [*filter(None, dict.fromkeys((name, printable(name), " ".join(name.split()))))]
 
 
 def quantity_units(catalogue: Catalogue) -> dict[str, str]:
