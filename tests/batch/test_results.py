@@ -704,6 +704,10 @@ def test_no_table_replaces_the_index(results, kind):
         (["--worst", "0"], "--worst"),
         (["--sql", "DROP TABLE captures"], "read-only: write a SELECT"),
         (["--csv", "/nowhere/at/all.csv"], "/nowhere/at/all.csv: cannot be written"),
+        (
+            ["--parquet", "/nowhere/all.parquet"],
+            "/nowhere/all.parquet: cannot be written (No such file or directory)",
+        ),
         (["--status", "good"], "--status"),
         (["--since", "2026-W05"], "--since 2026-W05: is not a date"),
         (["--slow", "2", "--name", "x"], "--slow does not go with --name"),
@@ -787,6 +791,35 @@ def test_an_exported_table_holds_every_number(results, catalogue, tmp_path, kind
             exact = 0.0 if kind != "xlsx" else 1e-14  # a workbook's numbers have 15 digits
             assert float(row[column]) == pytest.approx(value, rel=exact, abs=0.0)
             assert float(row[f"u_{column}"]) == pytest.approx(u, rel=exact, abs=0.0)
+
+
+def test_a_column_of_parquet_has_the_same_type_whatever_is_in_it(tmp_path):
+    """Exports of several results are read as one table, in any order."""
+    kinds = {
+        "dated": [result("a", date="2026-11-20")],
+        "undated": [result("b")],
+        "failed": [result("c", status="failed", reason="no target")],
+        "none": [],
+    }
+    paths = []
+    for kind, trees in kinds.items():
+        add(open_store(str(tmp_path / kind)), result("other"), *trees)
+        paths.append(str(tmp_path / f"{kind}.parquet"))
+        with open_catalogue(str(tmp_path / kind)) as catalogue:
+            named = "none at all" if kind == "none" else trees[0]["capture"]
+            columns = export.table(catalogue, Filter(text=named))
+            export.export(Path(paths[-1]), columns, export.write_parquet)
+    read = "SELECT name, date, doubted FROM read_parquet(?) ORDER BY name"
+    for order in (paths, paths[::-1]):
+        assert duckdb.connect().execute(read, [order]).fetchall() == [
+            ("a", "2026-11-20", 0),
+            ("b", None, 0),
+            ("c", None, 0),
+        ]
+    for path in paths:
+        described = duckdb.connect().execute("DESCRIBE SELECT * FROM read_parquet(?)", [path])
+        types = {name: kind for name, kind, *_ in described.fetchall()}
+        assert (types["name"], types["date"], types["doubted"]) == ("VARCHAR", "VARCHAR", "BIGINT")
 
 
 def test_what_excel_does_not_take_is_reported(monkeypatch, catalogue, tmp_path):

@@ -30,7 +30,8 @@ from .series import series
 ExportColumns = dict[str, npt.NDArray[Any]]
 Cell = str | float | int | None
 LEFT_OUT = ("day", "size", "md5")
-COUNTS = ("wheels", "wheels_ok", "points_total")
+COUNTS = ("wheels", "wheels_ok", "points_total", "doubted")
+PARQUET = {"O": "VARCHAR", "i": "BIGINT", "f": "DOUBLE"}  # by the kind of a column's dtype
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 EXCEL_ROWS, EXCEL_CHARACTERS = 1_048_576, 32_767
 EPOCH = (1980, 1, 1, 0, 0, 0)
@@ -128,7 +129,11 @@ def write_xlsx(path: Path, columns: ExportColumns) -> None:
 
 
 def write_parquet(path: Path, columns: ExportColumns) -> None:
-    """Write by duckdb: texts, 64-bit integers and floats, null where not measured; zstd."""
+    """Write by duckdb: texts, 64-bit integers and floats, null where not measured; zstd.
+
+    A column has the same type whatever is in it, so that the files of many results are read as one
+    table. Raises OSError where the file cannot be written.
+    """
     try:
         duckdb: Any = importlib.import_module("duckdb")
     except ImportError as error:
@@ -137,12 +142,21 @@ def write_parquet(path: Path, columns: ExportColumns) -> None:
         name: np.ma.masked_invalid(column) if column.dtype == np.float64 else column
         for name, column in columns.items()
     }
+    typed = ", ".join(_typed(name, column) for name, column in columns.items())
+    quoted = str(path).replace("'", "''")
+    form = "FORMAT parquet, COMPRESSION zstd"
     with duckdb.connect(config={"threads": 1}) as connection:
         connection.register("captures", masked)
-        quoted = str(path).replace("'", "''")
-        connection.execute(
-            f"COPY (SELECT * FROM captures) TO '{quoted}' (FORMAT parquet, COMPRESSION zstd)"  # noqa: S608
-        )
+        try:
+            connection.execute(f"COPY (SELECT {typed} FROM captures) TO '{quoted}' ({form})")  # noqa: S608
+        except duckdb.IOException as error:
+            raise OSError(None, str(error).rpartition(": ")[2]) from error
+
+
+def _typed(name: str, column: npt.NDArray[Any]) -> str:
+    """Return the SQL of a column with its type."""
+    quoted = name.replace('"', '""')
+    return f'CAST("{quoted}" AS {PARQUET[column.dtype.kind]}) AS "{quoted}"'
 
 
 def _rows(columns: ExportColumns) -> Iterator[list[Cell]]:
