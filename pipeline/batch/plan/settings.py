@@ -85,13 +85,16 @@ class BatchSettings:
         return digest([__version__, SCHEMA, *self._digests])
 
     def date_of(self, name: str) -> str | None:
-        """Return the date in a capture's name, as 2026-11-20; None if there is none."""
+        """Return the date in a capture's name, as 2026-11-20; None if there is none.
+
+        Named groups may hold a month and a day of one digit.
+        """
         found = re.search(self.date_in_name, name) if self.date_in_name else None
         if found is None:
             return None
         named = found.groupdict()
         parts = [named[k] for k in "ymd"] if named else [found[found.re.groups and 1]]
-        return None if None in parts else iso_date("-".join(parts))
+        return None if None in parts else iso_date("-".join(part.zfill(2) for part in parts))
 
 
 def _stated(options: CaptureOptions) -> dict[str, Any]:
