@@ -126,6 +126,16 @@ def test_a_chart_is_in_the_order_of_dates_and_of_one_vehicle(tmp_path):
     assert chart.points[1].moving_range == pytest.approx(0.20)
 
 
+@pytest.mark.parametrize("dates", [(None, None, None), (None, "2026-01-01", None)])
+def test_fewer_than_two_dates_are_no_order_and_the_names_are(tmp_path, dates):
+    trees = [result(f"c{i}", date=date, RR_toe=i / 10.0) for i, date in enumerate(dates)]
+    add(open_store(str(tmp_path)), *trees)
+    with open_catalogue(str(tmp_path)) as catalogue:
+        chart = control_chart(catalogue, "RR toe")
+    assert [point.name for point in chart.points] == ["c0", "c1", "c2"]
+    assert chart.left_out == 0
+
+
 def test_equal_values_break_no_rule():
     x = np.full(30, 0.1)
     assert broken_rules(x, control_limits(x)) == [()] * 30

@@ -58,7 +58,9 @@ class Point:
 
 @dataclass(frozen=True)
 class ControlChart:
-    """Points in the order of their dates, or of their names where none has one; at least two.
+    """Points in the order of their dates, or of all names where fewer than two have one.
+
+    At least two.
 
     left_out: number of captures without a date.
     """
@@ -80,7 +82,8 @@ def control_chart(catalogue: Catalogue, quantity: str, which: Filter = ALL) -> C
     rows = [(*known[n], day, x, u) for n, day, x, u in
             zip(one.numbers.tolist(), one.day, one.values, one.u, strict=True)]  # fmt: skip
     dated = [row for row in rows if math.isfinite(row[4])]
-    kept = sorted(dated, key=lambda row: (row[4], row[1])) or sorted(rows, key=lambda row: row[1])
+    in_time = len(dated) > 1
+    kept = sorted(dated if in_time else rows, key=lambda row: (in_time and row[4], row[1]))
     if len(kept) < 2:
         return None
     x = np.array([row[5] for row in kept])
