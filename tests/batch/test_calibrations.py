@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +54,24 @@ def test_a_planted_drift_is_found_and_limits_the_interval(tmp_path):
     # 6' less what points scatter about the line, from 1.4' at 0.2' a month: 20 months at most.
     assert 0.0 < interval.days < 30.0 * (6.0 - 1.4) / 0.2
     assert [name.split("/")[-2] for name in found.files] == [str(k) for k in range(8)]
+
+
+def test_copies_of_calibrations_count_once(tmp_path):
+    """A backup, or a renamed capture whose earlier result is kept, is no further evidence."""
+    write(tmp_path / "kept", 5, drift=0.05)
+    for number, path in enumerate(sorted(tmp_path.glob("kept/*/calibration.json"))):
+        tree = json.loads(path.read_text(encoding="utf-8"))
+        tree["readings"]["sha256"] = f"{number % 4}"  # the last indicates what the first did
+        path.write_text(json.dumps(tree), encoding="utf-8")
+    before = machine_history(tmp_path, "7")
+    assert len(before.files) == 5
+    renamed = [("renamed", json.loads(path.read_text(encoding="utf-8")))
+               for path in tmp_path.glob("kept/2/calibration.json")]  # fmt: skip
+    shutil.copytree(tmp_path / "kept", tmp_path / "backup")
+    found = machine_history(tmp_path, "7", [*renamed, *renamed])
+    assert found.drifts == before.drifts
+    assert found.intervals == before.intervals
+    assert found.files[2] == "renamed"
 
 
 def test_a_machine_that_does_not_drift_has_a_long_interval_and_a_bad_one_none(tmp_path):

@@ -65,14 +65,13 @@ def machine_history(
     """Return drift and interval of a machine, by every calibration.json below a folder.
 
     folder: None for results elsewhere. listed: its calibrations in a catalogue, by their captures;
-    others: serial numbers there. One that is both below the folder and listed counts once. Drifts
-    are those of zero error and sensitivity of each quantity, from one calibration as left to the
-    next as found: adjustments are taken out. Raises InputError.
+    others: serial numbers there. Copies of a calibration count once. Drifts are those of zero error
+    and sensitivity of each quantity, from one calibration as left to the next as found: adjustments
+    are taken out. Raises InputError.
     """
     below = {} if folder is None else _calibrations(folder)
-    known = [_readings(tree) for _, tree in listed]
     own = [(name, tree) for name, tree in below.items() if _serial(tree) == serial]
-    found = [*((name, tree) for name, tree in own if _readings(tree) not in known), *listed]
+    found = _without_copies([*own, *listed])
     if not found:
         serials = ", ".join(sorted({*map(_serial, below.values()), *others})) or "none"
         place = folder or "the results"
@@ -130,6 +129,24 @@ def _calibrations(folder: Path) -> dict[str, dict[str, Any]]:
                 f"{path}: not a calibration of `wheelplane calibrate` ({fact_of(error)}): remove it"
             ) from error
     return found
+
+
+def _without_copies(
+    found: Sequence[tuple[str, dict[str, Any]]],
+) -> list[tuple[str, dict[str, Any]]]:
+    """Return calibrations by their names, of those of the same readings and date the last.
+
+    One without a date is a copy of any of the same readings. Readings of no file show no copy.
+    """
+    dated = {_readings(tree) for _, tree in found if tree["date"] is not None}
+    kept: dict[Any, tuple[str, dict[str, Any]]] = {}
+    for name, tree in found:
+        readings, date = _readings(tree), tree["date"]
+        if not readings:
+            kept[name] = name, tree
+        elif date is not None or readings not in dated:
+            kept[readings, date] = name, tree
+    return list(kept.values())
 
 
 def _serial(tree: dict[str, Any]) -> str:
