@@ -406,6 +406,18 @@ def test_another_alignment_of_the_wheels_disagrees(site, dense):
     assert {row[0] for row in found["table"]["rows"] if row[-1] == "disagree"} >= {"RR", "1"}
 
 
+def test_the_same_scans_agree_with_themselves_and_that_shows_nothing(site, five):
+    site.copy(PAPER, "copy.txt")
+    other = finished(site.measure({"root": 0, "path": "copy.txt"}))
+    for second in (five, other):
+        job_state, found = compared(site, five, second)
+        assert job_state["state"] == "done"
+        assert found["verdict"] == "cannot tell"
+        (doubt,) = found["doubts"]
+        assert "measured from the same files" in doubt
+        assert doubt.partition(": ")[2] in " ".join(found["text"].split())
+
+
 def test_two_cars_are_not_compared(site, dense, five):
     job_state, _ = compared(site, dense, five)
     assert job_state["state"] == "failed"

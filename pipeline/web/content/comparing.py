@@ -9,12 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...errors import InputError
+from ...errors import Doubt, InputError
 from ...measurement import VERTICALS, Estimate, Measurement, by_name
 from ...report.format.language import Translations, load_translations
 from ...report.format.view import PAPER
 from ...report.format.writer import Table, Writer
 from ...report.tables.comparison import differences_table
+from ...report.tables.conformity import doubted
 from ...report.text.validation import validation_text
 from ...validation import Comparison, RequestPart, as_method, check_alike, measured
 from ...validation import compare as compare_methods
@@ -23,6 +24,10 @@ from ..files.stored import load, store
 from .panel import table_tree
 
 COMPARISON = "comparison.pickle"
+SAME_FILES = (
+    "Both are measured from the same files, whose errors they share: that they agree shows "
+    "nothing, and U is not that of their difference."
+)
 
 
 def compare(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
@@ -36,6 +41,7 @@ def compare(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
         "verdict": found.verdict,
         "table": table_tree(differences_table(found, writer)),
         "lengths": table_tree(_lengths(first, second, words, plan["names"])),
+        "doubts": doubted(found.doubts, words),
         "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
         "text": validation_text(found),
         "names": plan["names"],
@@ -74,9 +80,15 @@ def compare_measurements(
         one,
         other,
         missing=_missing(parts, shared, names),
-        notes=(*first.notes, *second.notes),
+        notes=(*first.notes, *second.notes, *_of_same_files(first, second)),
         origins=(first.provenance, second.provenance),
     )
+
+
+def _of_same_files(first: Measurement, second: Measurement) -> list[Doubt]:
+    """Return the doubt in a comparison of files with themselves, however each is evaluated."""
+    one, other = (found.provenance.checksums for found in (first, second))
+    return [Doubt(SAME_FILES)] if one and one == other else []
 
 
 def _of(part: RequestPart, names: list[str]) -> RequestPart:

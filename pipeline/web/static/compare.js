@@ -55,10 +55,11 @@ export class Comparer {
     return [await ask(`/api/jobs/${job.id}/comparison.json`), job];
   }
 
-  #show({ verdict, table, lengths, text, missing, names }, job) {
+  #show({ verdict, table, lengths, text, doubts, missing, names }, job) {
     const kind = { agree: "conform", disagree: "not-conform" }[verdict] ?? "undecided";
     this.found.replaceChildren(
       el("p", {}, el("span", { class: `verdict ${kind}` }, t(verdict.replace(" ", "_")))),
+      ...doubts.map((doubt) => el("p", { class: "note" }, doubt)),
       tableOf(table, { kind: "compared" }),
       el("p", { class: "hint" }, t("signs")),
       tableOf(lengths),
