@@ -228,7 +228,7 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
             interrupted = not options["watch"]
     with ExitStack() as stack:
         whole = None
-        if shard.n == 1 and work.holds_results:
+        if work.holds_results:
             whole = stack.enter_context(open_catalogue(request.results))
         text, fine = summary(work.counts, whole, results, shard)
     click.echo(text)

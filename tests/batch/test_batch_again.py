@@ -83,6 +83,16 @@ def test_retrying_a_part_leaves_the_other_results_where_they_are(put_aside):
     assert (again.returncode, "6 done before, 0 to do" in again.stderr) == (0, True)
 
 
+def test_a_shard_ends_as_often_as_it_is_repeated_by_what_its_captures_are(tmp_path):
+    archive, results = archive_of(tmp_path / "archive", 4), tmp_path / "results"
+    (archive / "bad.txt").write_text("1 2 3\n4 5\n")
+    settle(archive)
+    for _ in range(2):
+        codes = [run(archive, results, "--shard", f"{k}/2").returncode for k in (1, 2)]
+        assert codes == [int(Shard(k, 2).holds("bad.txt")) for k in (1, 2)]
+    assert run(archive, results).returncode == max(codes)
+
+
 def test_a_failure_that_was_mended_is_replaced_also_when_retried(tmp_path):
     (tmp_path / "archive").mkdir()
     (tmp_path / "archive" / "car.txt").write_text("1 2 3\n4 5\n")

@@ -10,7 +10,7 @@ from ..catalogue.rows import STATUSES
 from ..plan.shard import ALL, Shard
 from ..results.calibration_list import counts as decisions_of
 from ..results.calibration_list import unusable
-from ..results.query import Filter, brief, count, failures
+from ..results.query import Filter, brief, captures, count, failures
 from .progress import RunCounts
 from .work import RECOGNISED, VANISHED
 
@@ -26,9 +26,9 @@ DECISIONS = {
 def summary(
     counts: RunCounts, catalogue: Catalogue | None, results: str, shard: Shard = ALL
 ) -> tuple[str, bool]:
-    """Return the text, and whether all captures were measured in full.
+    """Return the text, and whether all captures, of a shard its own, were measured in full.
 
-    catalogue: None for a shard, whose results are incomplete, and without results.
+    catalogue: None without results.
     """
     new = _numbers(counts.done) or "nothing new"
     lines = [f"{counts.known} done before; now: {new}"]
@@ -42,10 +42,11 @@ def summary(
             f"{len(counts.removed)} no longer in the archive; their results are kept: "
             f"wheelplane results {results} --gone"
         )
+    if shard.n > 1:  # those of the others may be missing
+        lines.append(f"when all shards are done: wheelplane results {results}")
+        return "\n".join(lines), catalogue is None or _is_fine(catalogue, shard)
     if catalogue is None:
-        if shard.n > 1:
-            lines.append(f"when all shards are done: wheelplane results {results}")
-        return "\n".join(lines), not any(counts.done[status] for status in STATUSES[1:])
+        return "\n".join(lines), True
     held = Counter({s: count(catalogue, Filter(status=(s,))) for s in STATUSES})
     lines += ["", f"results in {results}: {_numbers(held)}"]
     missing = max(0, counts.finished - held.total())
@@ -64,6 +65,12 @@ def summary(
     lines += _calibrations(catalogue, results)
     lines += ["", f"next: wheelplane results {results}"]
     return "\n".join(map(printable, lines)), held["ok"] == held.total() and not missing
+
+
+def _is_fine(catalogue: Catalogue, shard: Shard) -> bool:
+    """Return whether the catalogue has no capture of a shard that was not measured in full."""
+    unlike = captures(catalogue, Filter(status=STATUSES[1:]))
+    return not any(shard.holds(row.name) for row in unlike)
 
 
 def _calibrations(catalogue: Catalogue, results: str) -> list[str]:
