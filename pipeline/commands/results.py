@@ -363,12 +363,13 @@ def _show_calibrations(catalogue: Catalogue, query: Query, files: dict[str, Path
     """Print or export the calibrations; return 0 if each machine is shown to conform."""
     found = list_calibrations(catalogue, query.which)
     if not _export_columns(calibration_columns(found), files, "calibrations"):
+        listed = found[: query.limit]
         if query.as_json:
-            rows = [listing.plain(one) for one in found]
+            rows = [listing.plain(one) for one in listed]
             tree = {"schema": SCHEMA, "calibrations": rows}
             click.echo(json_text(tree))
         else:
-            click.echo(calibrations_text(found[: query.limit], query.view))
+            click.echo(calibrations_text(listed, query.view))
     return int(any(one.error or one.decision not in (None, "conform") for one in found))
 
 

@@ -102,6 +102,13 @@ def test_calibrations_are_listed_with_verdict_and_worst_error(archive):
     )
 
 
+def test_a_limit_is_one_of_the_text_and_of_its_json(archive):
+    names = [one["name"] for one in listed(archive, "--limit", "2")]
+    text = run(results, archive / "results", "--calibrations", "--limit", "2").stdout
+    assert names == [one["name"] for one in listed(archive) if one["name"] in text]
+    assert len(names) == 2
+
+
 def test_a_faulty_table_is_a_row_and_spoils_no_measurement(archive):
     faulty = {one["name"]: one for one in listed(archive)}["2026-04-15"]
     assert faulty["error"].startswith("readings.csv: row 2, column unit: 'gon' is no unit of toe")
