@@ -48,7 +48,7 @@ def add_files(app: Flask, state: PageState) -> None:
     @app.get("/api/files/<int:root>/")
     @app.get("/api/files/<int:root>/<path:relative>")
     def files(root: int, relative: str = "") -> Response:
-        return jsonify(items=[asdict(item) for item in state.folders.listing(root, relative)])
+        return jsonify(asdict(state.folders.listing(root, relative)))
 
     @app.post("/api/uploads")
     def begin() -> Response:

@@ -21,6 +21,7 @@ from wheelplane.errors import Doubt, InputError
 from wheelplane.measurement.doubts import COPIED, FLOOR_ABOVE
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.notes import notes_in
+from wheelplane.web.files import folders
 from wheelplane.web.files.excerpt import failure
 
 BAR = 'stroke="#8aa9c8"'  # of one value in the picture of a trend
@@ -71,6 +72,22 @@ def test_the_folder_shows_what_can_be_opened(site):
     inside = {i["name"]: i["kind"] for i in site.get("/api/files/0/capture").json["items"]}
     assert inside["rr.ply"] == "cloud"
     assert "truth.json" not in inside
+
+
+def test_a_folder_of_too_many_files_shows_the_first_by_name_and_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(folders, "MOST_LISTED", 20)
+    site = Site(tmp_path)
+    names = [f"{number:02d}.ply" for number in range(21)]
+    for number in np.random.default_rng(1).permutation(20):
+        (site.allowed / names[number]).touch()
+    whole = site.get("/api/files/0/").json
+    assert ([item["name"] for item in whole["items"]], whole["is_cut"]) == (names[:20], False)
+    (site.allowed / "00.ply").unlink()
+    (site.allowed / "20.ply").touch()
+    (site.allowed / "00").mkdir()
+    cut = site.get("/api/files/0/").json
+    assert ([item["name"] for item in cut["items"]], cut["is_cut"]) == (["00", *names[1:20]], True)
+    site.close()
 
 
 # Measuring

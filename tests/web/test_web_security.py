@@ -286,7 +286,7 @@ def test_no_path_leaves_the_allowed_folder(escapes, path):
 def test_what_lies_inside_is_found(escapes):
     folders = Folders((escapes.allowed.resolve(),))
     assert folders.existing(0, "sub/../figure-4.txt") == escapes.allowed / "figure-4.txt"
-    names = [item.name for item in folders.listing(0, "")]
+    names = [item.name for item in folders.listing(0, "").items]
     assert names == ["sub", "figure-4.txt"]
 
 

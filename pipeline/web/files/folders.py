@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +33,14 @@ class Item:
 
 
 @dataclass(frozen=True)
+class Listing:
+    """What can be opened in a folder; is_cut: whether more is in it than MOST_LISTED, the first."""
+
+    items: list[Item]
+    is_cut: bool
+
+
+@dataclass(frozen=True)
 class Folders:
     """Allowed folders `roots`, resolved."""
 
@@ -59,13 +67,17 @@ class Folders:
             raise RefusedError(404, f"{relative[:100]}: no such file or folder")
         return found
 
-    def listing(self, root: int, relative: str) -> list[Item]:
-        """List what can be opened in a folder: folders first, by name."""
+    def listing(self, root: int, relative: str) -> Listing:
+        """List what can be opened of the first in a folder by name: folders first."""
         folder = self.existing(root, relative)
         if not folder.is_dir():
             raise RefusedError(404, f"{relative[:100]}: not a folder")
-        items = [item for item in self._items(root, folder) if item is not None]
-        return sorted(items, key=lambda item: (item.kind != "folder", item.name.casefold()))
+        with os.scandir(folder) as entries:
+            ordered = sorted(entries, key=lambda entry: (entry.name.casefold(), entry.name))
+        listed = self._items(root, ordered[:MOST_LISTED])
+        items = [item for item in listed if item is not None]
+        items.sort(key=lambda item: (item.kind != "folder", item.name.casefold()))
+        return Listing(items, len(ordered) > MOST_LISTED)
 
     def free_name(self, root: int, relative: str, name: str) -> Path:
         """Return the path of a new report. Raises RefusedError for a taken or invalid name."""
@@ -75,14 +87,13 @@ class Folders:
             raise RefusedError(409, f"{name}: a file of this name exists: choose another name")
         return path
 
-    def _items(self, root: int, folder: Path) -> Iterator[Item | None]:
-        with os.scandir(folder) as entries:
-            for entry, _ in zip(entries, range(MOST_LISTED), strict=False):
-                if entry.name.startswith(".") or not entry.name.isprintable():
-                    continue
-                path = Path(entry.path)
-                if not entry.is_symlink() or self._leads_inside(root, path):
-                    yield _item(path)
+    def _items(self, root: int, entries: Iterable[os.DirEntry[str]]) -> Iterator[Item | None]:
+        for entry in entries:
+            if entry.name.startswith(".") or not entry.name.isprintable():
+                continue
+            path = Path(entry.path)
+            if not entry.is_symlink() or self._leads_inside(root, path):
+                yield _item(path)
 
     def _leads_inside(self, root: int, link: Path) -> bool:
         try:

@@ -18,9 +18,10 @@ export class Browser {
 
   async #show() {
     const { root, path } = this;
-    const { items } = await whileShown(ask(`/api/files/${root}/${pathOf(this.at)}`), () => root === this.root && path === this.path);
+    const { items, is_cut: isCut } = await whileShown(ask(`/api/files/${root}/${pathOf(this.at)}`), () => root === this.root && path === this.path);
     const list = items.filter((item) => item.kind === "folder" || this.wanted(item.kind));
-    this.place.replaceChildren(this.#crumbs(), list.length
+    const cut = isCut ? el("p", { class: "note" }, t("listing_cut")) : "";
+    this.place.replaceChildren(this.#crumbs(), cut, list.length
       ? el("ul", { class: "items" }, ...list.map((item) => el("li", {}, this.#button(item))))
       : el("p", { class: "empty" }, t("nothing_here")));
   }
