@@ -575,6 +575,18 @@ def test_exit_codes_and_filters_of_the_command(results):
     assert run(results, *asked).stdout == "\n".join(alone)
 
 
+@pytest.mark.parametrize(
+    ("name", "headline"),
+    [("none such", "none_chosen"), ("site/00", "all_well"), ("site", "not_all")],
+)
+def test_the_headline_is_of_the_captures_that_are_chosen(results, tmp_path, name, headline):
+    run(results, "--name", name, "--html", tmp_path / "report.html")
+    shown = (tmp_path / "report.html").read_text(encoding="utf-8")
+    words = load_translations("en")
+    said = {one: words(f"listing.{one}") in shown for one in ("none_chosen", "all_well", "not_all")}
+    assert said == {one: one == headline for one in said}
+
+
 def test_captures_without_a_date_are_reported_where_dates_are_asked_for(results, catalogue):
     undated = sum(row.day is None for row in captures(catalogue))
     done = run(results, "--since", "2000-01-01")

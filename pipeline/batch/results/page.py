@@ -52,9 +52,9 @@ def results_document(catalogue: Catalogue, chosen: Selection, writer: Writer) ->
     """Return the report; its number is that of the selection and of the captures' JSON."""
     words = writer.words
     counts = by_status(catalogue, chosen.which)
-    fine = set(counts) <= {"ok"}
     says = [f"{words(f'page.{status}')}: {words.count(n)}" for status, n in counts.items()]
-    title = words("listing.all_well" if fine else "listing.not_all")
+    fine = "all_well" if set(counts) == {"ok"} else "not_all"
+    title = words(f"listing.{fine}" if counts else "listing.none_chosen")
     sections = [_section(catalogue, chosen, name, writer) for name in chosen.lists]
     first = Section("results", sections[0].title, sections[0].parts)
     return Document(
