@@ -93,6 +93,27 @@ def test_a_shard_ends_as_often_as_it_is_repeated_by_what_its_captures_are(tmp_pa
     assert run(archive, results).returncode == max(codes)
 
 
+@pytest.mark.parametrize("is_changed", [False, True])
+def test_a_capture_has_one_result_also_after_a_kill(tmp_path, monkeypatch, is_changed):
+    """Of changed captures and of changed settings, the earlier result goes as the new one comes."""
+    archive, results = archive_of(tmp_path / "archive", 4), tmp_path / "results"
+    assert run(archive, results, "--workers", "1").returncode == 0
+    before = {tree["batch"]["key"] for tree in trees(results).values()}
+    options = () if is_changed else ("--date-in-name", "car-(.*)", "--resume")
+    if is_changed:
+        for path in archive.rglob("*.txt"):
+            path.write_text(path.read_text() + "\n")
+        settle(archive)
+    monkeypatch.setattr(Batch, "update_catalogue", lambda *_, **__: None)  # it does not come so far
+    run(archive, results, "--workers", "1", "--limit", "2", *options)
+    monkeypatch.undo()
+    found = json.loads(ask(results, "--json").stdout)["captures"]
+    assert [one["name"] for one in found] == [f"00/car-000{k}.txt" for k in range(4)]
+    keys = [one["key"] in before for one in found]
+    assert sum(keys) == 2
+    assert len(list((results / "superseded").iterdir())) == 2
+
+
 def test_a_failure_that_was_mended_is_replaced_also_when_retried(tmp_path):
     (tmp_path / "archive").mkdir()
     (tmp_path / "archive" / "car.txt").write_text("1 2 3\n4 5\n")

@@ -53,6 +53,10 @@ SUPERSEDED = """
 SELECT DISTINCT named.key FROM named CROSS JOIN current USING(name) CROSS JOIN present
 ON present.key = named.key WHERE named.key <> current.key
 """
+REPLACED = """
+SELECT DISTINCT named.key FROM named CROSS JOIN present ON present.key = named.key
+WHERE named.name = :name AND named.key <> :key
+"""  # results of a capture by the one that was just written
 REMOVED = """
 SELECT DISTINCT name, key FROM named CROSS JOIN present USING(key)
 WHERE name NOT IN (SELECT name FROM current) AND name <> '' ORDER BY name
@@ -207,6 +211,14 @@ class ResultIndex:
             return []
         superseded = [key for (key,) in self._database.execute(SUPERSEDED)]
         return [*superseded, *(key for _, key, is_listed in self._missing() if is_listed)]
+
+    def replaced(self, done: CompletedCapture) -> list[str]:
+        """Return the keys of earlier results of a finished capture, as far as an index names them.
+
+        Those that none names are found by `outdated`.
+        """
+        asked = {"name": legible(done.name), "key": done.key}
+        return [key for (key,) in self._database.execute(REPLACED, asked)]
 
     def drop(self, key: str) -> None:
         """Remove a result."""

@@ -107,6 +107,7 @@ class Batch:
             for done in run.outcomes():
                 if done.outcome != VANISHED:
                     self._index.add(done)
+                    self._supersede(self._index.replaced(done))
                 if done.seconds:
                     took = {stage: round(seconds, 4) for stage, seconds in done.seconds}
                     name = legible(done.name)
@@ -149,14 +150,17 @@ class Batch:
             self._segments.flush()
             self._times.flush()
             self.counts.finished, _ = self._index.counts()
-        for key in self._index.outdated():
-            supersede(self._results, key)
-            self._index.drop(key)
+        self._supersede(self._index.outdated())
         if self.counts.removed is not None:
             write_removed(self._results, self.counts.removed)
         if at_end or self.shard.n == 1:
             update(self._results, known=self._index.record_of)
             self._index.forget_records()
+
+    def _supersede(self, keys: Iterable[str]) -> None:
+        for key in keys:
+            supersede(self._results, key)
+            self._index.drop(key)
 
     def _entries(self) -> Iterator[Entry]:
         """Yield the files of the archive, without those of the results if these are inside."""
