@@ -575,6 +575,30 @@ def test_exit_codes_and_filters_of_the_command(results):
     assert run(results, *asked).stdout == "\n".join(alone)
 
 
+def test_angles_of_statistics_are_in_the_unit_of_the_list(tmp_path):
+    """Toe in mm/m, the tangent; camber, which is customary in neither, in degrees."""
+    trees = [
+        result(name, RR_toe=math.degrees(math.atan(toe / 1e3)), RR_camber=-1.0, date=date)
+        for name, toe, date in (("a", 2.0, "2026-01-01"), ("b", 3.0, "2026-01-31"),
+                                ("c", 4.0, "2026-03-02"))
+    ]  # fmt: skip
+    add(open_store(str(tmp_path)), *trees)
+    asked = ("--angles", "mm/m", "--digits", "full")
+    chosen = ("--quantity", "RR toe", "--quantity", "RR camber")
+    (_, first, *_) = run(tmp_path, *asked).stdout.splitlines()
+    assert "+2.000 mm/m" in first
+    assert "-01°00'00" in first
+    summed, over_time, farthest = (
+        run(tmp_path, *lists, *asked, *chosen).stdout
+        for lists in (["--summary"], ["--drift"], ["--worst", "1"])
+    )
+    toe, camber = (line for line in summed.splitlines() if line.startswith("  RR"))
+    assert re.findall(r"\S+ mm/m", toe)[:2] == ["+3.000 mm/m", "1.000 mm/m"]
+    assert "mm/m" not in camber
+    assert "+1.000 mm/m" in over_time
+    assert "mm/m" in farthest
+
+
 @pytest.mark.parametrize(
     ("name", "headline"),
     [("none such", "none_chosen"), ("site/00", "all_well"), ("site", "not_all")],

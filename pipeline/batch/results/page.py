@@ -122,7 +122,7 @@ def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Sectio
         cells.append([
             printable(row.name or row.key), row.date or writer.none, capture_status(row, words),
             f"{row.wheels_ok}/{row.wheels}",
-            *(value(found[name][0], "deg", writer, expanded(found[name][1]))
+            *(value(found[name][0], "deg", writer, expanded(found[name][1]), name)
               if name in found else writer.none for name in REFERENCE_ANGLES),
             width(max(known, default=math.nan), "deg", writer),
         ])  # fmt: skip

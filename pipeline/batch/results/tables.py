@@ -11,7 +11,8 @@ from ...measurement import Estimate
 from ...report.format.digits import UNKNOWN
 from ...report.format.language import Translations
 from ...report.format.notes import joined_notes_in
-from ...report.format.writer import Column, Table, Writer
+from ...report.format.view import Sort
+from ...report.format.writer import Column, Table, Writer, sort_of
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import FAILED, CaptureRow
 from .query import FailureGroup, Filter, doubted
@@ -30,9 +31,10 @@ def summary_table(found: Sequence[Summary], writer: Writer) -> Table:
     for s in found:
         wide = expanded(s.u_rms)
         mean, median, low, high = (
-            value(x, s.unit, writer, wide) for x in (s.mean, s.median, s.low, s.high)
+            value(x, s.unit, writer, wide, s.quantity) for x in (s.mean, s.median, s.low, s.high)
         )
-        sd, robust, u = (width(x, s.unit, writer) for x in (s.sd, s.robust_sd, s.u_rms))
+        sizes = s.sd, s.robust_sd, s.u_rms
+        sd, robust, u = (width(x, s.unit, writer, s.quantity) for x in sizes)
         name = quantity_name(s.quantity, writer)
         rows.append([name, writer.words.count(s.n), mean, sd, robust, median, low, high, u])
     return writer.table(head, rows, 1, words("listing.summary"))
@@ -60,9 +62,9 @@ def _drift_row(d: Drift, writer: Writer) -> list[str]:
         *row,
         day_text(d.first_day),
         day_text(d.last_day),
-        value(d.slope * MONTH_DAYS, d.unit, writer, wide),
-        width(wide, d.unit, writer),
-        width(d.scatter, d.unit, writer),
+        value(d.slope * MONTH_DAYS, d.unit, writer, wide, d.quantity),
+        width(wide, d.unit, writer, d.quantity),
+        width(d.scatter, d.unit, writer, d.quantity),
         words.number(f"{d.p:.2g}"),
         words("listing.yes" if d.significant else "listing.no"),
     ]
@@ -76,8 +78,9 @@ def worst_table(found: Sequence[Outlier], writer: Writer) -> Table:
     rows = []
     for o in found:
         wide = expanded(o.u)
-        texts = (value(o.value, o.unit, writer, wide), width(o.u, o.unit, writer),
-                 value(o.median, o.unit, writer, wide))  # fmt: skip
+        texts = (value(o.value, o.unit, writer, wide, o.quantity),
+                 width(o.u, o.unit, writer, o.quantity),
+                 value(o.median, o.unit, writer, wide, o.quantity))  # fmt: skip
         rows.append([printable(o.name), o.date or writer.none, quantity_name(o.quantity, writer),
                      *texts, words.number(f"{o.score:.1f}")])  # fmt: skip
     return writer.table(head, rows, 3, words("listing.worst"))
@@ -137,23 +140,30 @@ def expanded(u: float | None) -> float:
     return UNKNOWN if u is None else Estimate(0.0, u).expanded
 
 
-def value(x: float, unit: str, writer: Writer, wide: float) -> str:
-    """Write a value in degrees or metres to the place of its U, `wide`."""
+def value(x: float, unit: str, writer: Writer, wide: float, quantity: str = "camber") -> str:
+    """Write a value in degrees or metres to the place of its U, `wide`.
+
+    quantity: by which an angle is in mm/m where the view is, such as `RR toe`.
+    """
     if not math.isfinite(x):
         return writer.none
     if unit == "deg":
-        text = writer.view.angle(math.radians(x), "camber", math.radians(wide))
+        text = writer.view.angle(math.radians(x), _sort(quantity), math.radians(wide))
         return writer.words.number(text)
     return writer.millimetres(x, wide, "+")
 
 
-def width(x: float, unit: str, writer: Writer) -> str:
+def width(x: float, unit: str, writer: Writer, quantity: str = "camber") -> str:
     """Write an uncertainty or a standard deviation with two digits."""
     if not math.isfinite(x):
         return writer.none
     if unit == "deg":
-        return writer.words.number(writer.view.width(math.radians(x), "camber"))
+        return writer.words.number(writer.view.width(math.radians(x), _sort(quantity)))
     return writer.size(x, "m")
+
+
+def _sort(quantity: str) -> Sort:
+    return sort_of(quantity.rpartition(" ")[2])
 
 
 def day_text(day: float) -> str:
