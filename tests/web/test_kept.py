@@ -18,6 +18,8 @@ from wheelplane.commands.view import opened
 from wheelplane.errors import InputError, Wording
 from wheelplane.web.files.stored import load, load_records, store
 
+NOT_KEPT = "this result is no longer kept: measure again"
+
 SHOWN = ("measurement.json", "panel-en.json", "scene-pt.json", "points.json", "points.bin")
 
 
@@ -54,6 +56,24 @@ def test_a_result_survives_a_restart_with_points_reports_date_and_vehicle(tmp_pa
     assert not list((tmp_path / "results").glob("*/report-*"))  # of the settings of that time
     assert again.get(f"{address}/report.html").data == report
     again.close()
+
+
+def test_results_that_were_removed_by_hand_are_said_to_be_so(tmp_path):
+    site = started(tmp_path)
+    site.copy(PAPER, "car.txt")
+    job = site.measure({"root": 0, "path": "car.txt"})["id"]
+    site.app.config["state"].jobs.found(job).finished.wait(60.0)  # its files are written
+    shutil.rmtree(tmp_path / "results" / job)
+    gone = site.get(f"/api/jobs/{job}/report.html")
+    assert (gone.status_code, gone.json["error"]) == (404, NOT_KEPT)
+    assert not (tmp_path / "results" / job).exists()
+    shutil.rmtree(tmp_path / "results")
+    refused = site.post("/api/measure", {"root": 0, "path": "car.txt"})
+    assert refused.status_code == 507
+    assert f"{tmp_path}/results: no result can be stored (No such file" in refused.json["error"]
+    (tmp_path / "results").mkdir()
+    assert site.measure({"root": 0, "path": "car.txt"})["state"] == "done"
+    site.close()
 
 
 def test_only_results_are_kept(tmp_path):

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 from ...errors import WheelplaneError
@@ -38,6 +39,7 @@ from .turns import Turns
 OF_ANOTHER = ("report", "table")  # tasks that write into the folder of a measurement
 LONG = ("measure", "explain")  # tasks that read scans
 POINTS = "points.bin"  # file of a result that may be large
+NOT_KEPT = "this result is no longer kept: measure again"
 KEPT_UPLOADS = 2  # of failed measurements, for another try
 
 
@@ -61,7 +63,7 @@ class Jobs:
         given: plan for the process; the folder given["owned"], an upload, is removed when the job
         has its result; after a failure it is kept for another try, and the latest few of such.
         uses: jobs whose results it reads; of OF_ANOTHER its measurement. Raises RefusedError while
-        too many jobs wait, or if a used one is no longer kept.
+        too many jobs wait, if a used one is no longer kept, or where no folder can be made.
         """
         is_long = task in LONG
         with self._lock:
@@ -77,7 +79,10 @@ class Jobs:
             folder = self._settings.scratch / f"job-{new}" if own is None else own / new
             folder = uses[0].folder if task in OF_ANOTHER else folder
             job = PageJob(new, task, name, folder, uses, given, at=given.get("at", ""), kept=kept)
-            job.folder.mkdir(exist_ok=True)
+            if task not in OF_ANOTHER:
+                _make_folder(folder)
+            elif not folder.is_dir():  # removed by hand
+                raise RefusedError(404, NOT_KEPT)
             self._jobs[new] = job
         (self._pool if is_long else self._quick).submit(self._run, job, given)
         self._forget_old()
@@ -100,7 +105,7 @@ class Jobs:
         """Return the job of that id. Raises RefusedError."""
         job = self._jobs.get(name)
         if job is None:
-            raise RefusedError(404, "this result is no longer kept: measure again")
+            raise RefusedError(404, NOT_KEPT)
         return job
 
     def shown(self, name: str) -> PageJob:
@@ -276,6 +281,15 @@ class Jobs:
             "fewer points, or start the page with a larger --time-limit",
         )
         kill(job)
+
+
+def _make_folder(folder: Path) -> None:
+    """Create the folder of a job. Raises RefusedError where that of all results was removed."""
+    try:
+        folder.mkdir()
+    except OSError as error:
+        fact = f"no result can be stored ({error.strerror}): create the folder again"
+        raise RefusedError(507, f"{folder.parent}: {fact}") from error
 
 
 def _stay() -> None:
