@@ -38,6 +38,7 @@ from ..batch.results.query import (
     failures,
     known_quantity,
     quantities_of,
+    removed,
     verticals,
     wheels_of,
 )
@@ -313,6 +314,7 @@ def results(
         _warn_of_verticals(catalogue, which)
         if {"summary", "drift", "worst"} & set(modes):
             _warn_of_doubts(catalogue, which)
+            _warn_of_removed(catalogue, which)
         return int(set(by_status(catalogue, which)) - {"ok"} != set())
 
 
@@ -513,6 +515,17 @@ def _warn_of_doubts(catalogue: Catalogue, which: Filter) -> None:
         captures_are = "1 capture in doubt is" if found == 1 else f"{found:,} captures in doubt are"
         click.echo(
             f"{captures_are} left out of statistics: see the list, without options", err=True
+        )
+
+
+def _warn_of_removed(catalogue: Catalogue, which: Filter) -> None:
+    """Note how many captures of statistics are no longer in the archive."""
+    if found := removed(catalogue, which):
+        captures_are = "1 capture" if found == 1 else f"{found:,} captures"
+        click.echo(
+            f"{captures_are} no longer in the archive counted too, a renamed one twice: --no-gone "
+            "leaves them out",
+            err=True,
         )
 
 

@@ -28,6 +28,7 @@ from scipy import stats
 from tests.support.batches import call
 from tests.support.records import add, key_of, result
 from wheelplane.batch.catalogue.catalogue import open_catalogue
+from wheelplane.batch.catalogue.history import write_removed
 from wheelplane.batch.catalogue.schema import number_of
 from wheelplane.batch.results import export
 from wheelplane.batch.results import query as query_module
@@ -50,6 +51,7 @@ from wheelplane.errors import Doubt, InputError, MissingDependencyError
 from wheelplane.measurement.doubts import COPIED, FLOOR_ABOVE
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.notes import notes_in
+from wheelplane.web.archive.views import answer
 
 ROOT = Path(__file__).resolve().parents[2]
 DAYS = [f"2026-{month:02d}-{day:02d}" for month in (9, 10) for day in (1, 6, 11, 16, 21, 26)]
@@ -689,6 +691,24 @@ def test_a_report_says_which_captures_are_in_doubt_and_how_many_statistics_leave
     assert (usual.count(marked), usual.count(left_out)) == (1, 2)  # of statistics, and of drift
     assert report("--worst", "3").count(left_out) == 1
     assert report("--summary", "--vehicle", "car a").count(left_out) == 0
+
+
+def test_statistics_say_how_many_captures_are_no_longer_in_the_archive(tmp_path):
+    """A renamed capture has two results: as it was called, which is kept, and as it is."""
+    add(open_store(str(tmp_path)), *[result(name, date="2026-01-01") for name in ("a", "b", "c")])
+    write_removed(open_store(str(tmp_path)), ["b"])
+    words = load_translations("en")
+    note = words("listing.removed_counted", count="1")
+    for option in ("--summary", "--drift", "--worst"):
+        given = [option, *["3"] * (option == "--worst")]
+        said = run(tmp_path, *given).stderr
+        assert said.startswith("1 capture no longer in the archive counted too")
+        assert run(tmp_path, *given, "--no-gone").stderr == ""
+        run(tmp_path, *given, "--html", tmp_path / "report.html")
+        assert note in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert run(tmp_path).stderr == ""
+    for question, asked in (("trends", {}), ("chart", {"quantity": "RR toe"})):
+        assert answer(question, tmp_path, asked, words)["notice"] == note
 
 
 def test_tables_and_ranges_hold_the_numbers_of_captures_in_doubt(tmp_path):

@@ -23,6 +23,7 @@ from .tables import (
     drift_table,
     expanded,
     failures_table,
+    removed_note,
     summary_table,
     value,
     width,
@@ -75,24 +76,25 @@ def _record(catalogue: Catalogue, chosen: Selection) -> str:
 
 def _section(catalogue: Catalogue, chosen: Selection, name: str, writer: Writer) -> Section:
     words, which, quantities = writer.words, chosen.which, chosen.quantities
-    signs, doubts = words("listing.all_signs"), doubted_note(catalogue, which, words)
+    signs = words("listing.all_signs")
+    notes = [*doubted_note(catalogue, which, words), *removed_note(catalogue, which, words)]
     if name == "list":
         return _captures(catalogue, chosen, writer)
     if name == "summary":
         table = summary_table(summary(catalogue, quantities, which), writer)
-        return Section(name, table.caption, [table, signs, words("listing.summary_note"), *doubts])
+        return Section(name, table.caption, [table, signs, words("listing.summary_note"), *notes])
     if name == "drift":
-        return _drifts(catalogue, chosen, doubts, writer)
+        return _drifts(catalogue, chosen, notes, writer)
     if name == "worst":
         table = worst_table(worst(catalogue, chosen.worst, quantities, which), writer)
         note = f"{signs} {words('listing.k1')}. {words('listing.worst_note')}"
-        return Section(name, table.caption, [table, note, *doubts])
+        return Section(name, table.caption, [table, note, *notes])
     table = failures_table(failures(catalogue, which), writer)
     return Section(name, table.caption, [table])
 
 
 def _drifts(
-    catalogue: Catalogue, chosen: Selection, doubts: Sequence[str], writer: Writer
+    catalogue: Catalogue, chosen: Selection, notes: Sequence[str], writer: Writer
 ) -> Section:
     words = writer.words
     found = drifts(catalogue, chosen.quantities, chosen.which)
@@ -105,7 +107,7 @@ def _drifts(
         for one, line in zip(drawn, marked, strict=True)
     ]
     parts: list[Part] = [
-        table, words("listing.all_signs"), words("listing.drift_note"), *doubts, *pictures,
+        table, words("listing.all_signs"), words("listing.drift_note"), *notes, *pictures,
     ]  # fmt: skip
     return Section("drift", table.caption, parts)
 

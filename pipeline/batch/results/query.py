@@ -6,7 +6,7 @@ import difflib
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -95,6 +95,11 @@ def doubted(catalogue: Catalogue, which: Filter = ALL) -> int:
     where, values = condition(catalogue, which)
     counted = f"SELECT count(*) FROM captures AS c {where or 'WHERE TRUE'} AND c.doubted"  # noqa: S608
     return int(catalogue.connection.execute(counted, values).fetchone()[0])
+
+
+def removed(catalogue: Catalogue, which: Filter = ALL) -> int:
+    """Count the captures no longer in the archive, unless the filter asks about these."""
+    return 0 if which.removed is not None else count(catalogue, replace(which, removed=True))
 
 
 def _counts(catalogue: Catalogue, which: Filter) -> dict[tuple[str, str], int]:

@@ -15,7 +15,7 @@ from ...report.format.view import Sort
 from ...report.format.writer import Column, Table, Writer, sort_of
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import FAILED, CaptureRow
-from .query import FailureGroup, Filter, doubted
+from .query import FailureGroup, Filter, doubted, removed
 from .trends import MONTH_DAYS, Drift, Outlier, Summary
 
 REASONS = {"fewer than three dated values": "few_values", "all on one date": "one_date"}
@@ -112,6 +112,12 @@ def doubted_note(catalogue: Catalogue, which: Filter, words: Translations) -> li
     """Return how many captures statistics leave out as they are in doubt; nothing of none."""
     found = doubted(catalogue, which)
     return [words("listing.doubted", count=words.count(found))] if found else []
+
+
+def removed_note(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:
+    """Return how many captures of statistics are no longer in the archive; nothing of none."""
+    found = removed(catalogue, which)
+    return [words("listing.removed_counted", count=words.count(found))] if found else []
 
 
 def failures_table(found: Sequence[FailureGroup], writer: Writer) -> Table:

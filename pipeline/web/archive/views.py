@@ -33,6 +33,7 @@ from ...batch.results.tables import (
     drift_table,
     expanded,
     failures_table,
+    removed_note,
 )
 from ...batch.results.trend_plot import trend_drawing
 from ...batch.results.trends import drifts
@@ -74,7 +75,9 @@ def answer(
         if question in OF_CAMBERS:
             notices = [_unlike_verticals(catalogue, parameters, words)]
             if question in STATISTICS:
-                notices += doubted_note(catalogue, filter_of(parameters), words)
+                which = filter_of(parameters)
+                notices += doubted_note(catalogue, which, words)
+                notices += removed_note(catalogue, which, words)
             found["notice"] = " ".join(filter(None, notices))
         return found
 
