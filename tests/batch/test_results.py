@@ -635,6 +635,10 @@ def test_unlike_verticals_are_named_and_selected(tmp_path):
         assert names(catalogue, vertical="wheels") == ["a", "c"]
     said = "cambers are from unlike verticals (1 from gravity, 2 from wheels): choose by --vertical"
     assert run(tmp_path).stderr.strip() == said
+    for lists in ([], ["--summary"], ["--drift"], ["--worst", "2"]):
+        run(tmp_path, *lists, "--html", tmp_path / "report.html")
+        report = (tmp_path / "report.html").read_text(encoding="utf-8")
+        assert "from unlike verticals (gravity: 1; plane of the wheel centres: 2)" in report
     chosen = run(tmp_path, "--vertical", "gravity", "--json")
     assert chosen.stderr == ""
     assert [row["name"] for row in json.loads(chosen.stdout)["captures"]] == ["b"]

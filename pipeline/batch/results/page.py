@@ -26,6 +26,7 @@ from .tables import (
     removed_note,
     summary_table,
     value,
+    verticals_note,
     width,
     worst_table,
 )
@@ -77,7 +78,8 @@ def _record(catalogue: Catalogue, chosen: Selection) -> str:
 def _section(catalogue: Catalogue, chosen: Selection, name: str, writer: Writer) -> Section:
     words, which, quantities = writer.words, chosen.which, chosen.quantities
     signs = words("listing.all_signs")
-    notes = [*doubted_note(catalogue, which, words), *removed_note(catalogue, which, words)]
+    cautions = verticals_note, doubted_note, removed_note
+    notes = [note for caution in cautions for note in caution(catalogue, which, words)]
     if name == "list":
         return _captures(catalogue, chosen, writer)
     if name == "summary":
@@ -138,7 +140,7 @@ def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Sectio
     table: Table = writer.table(columns, cells, 3, words("listing.captures"), classes)
     total = sum(by_status(catalogue, chosen.which).values())
     parts: list[Part] = [table, f"{words('listing.signs')} {words('listing.captures_note')}"]
-    parts += doubts_listed(rows, words)
+    parts += [*verticals_note(catalogue, chosen.which, words), *doubts_listed(rows, words)]
     if total > len(rows):
         parts.append(words("listing.some", shown=words.count(len(rows)), total=words.count(total)))
     return Section("captures", table.caption, parts)

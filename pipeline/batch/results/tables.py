@@ -15,7 +15,7 @@ from ...report.format.view import Sort
 from ...report.format.writer import Column, Table, Writer, sort_of
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import FAILED, CaptureRow
-from .query import FailureGroup, Filter, doubted, removed
+from .query import FailureGroup, Filter, doubted, removed, verticals
 from .trends import MONTH_DAYS, Drift, Outlier, Summary
 
 REASONS = {"fewer than three dated values": "few_values", "all on one date": "one_date"}
@@ -106,6 +106,22 @@ def doubts_listed(rows: Sequence[CaptureRow], words: Translations) -> list[str]:
         for row in rows
         if row.reason and row.status not in FAILED
     ]
+
+
+def verticals_note(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:
+    """Return from which verticals cambers are that are not to be compared; nothing of one."""
+    each = unlike_verticals(catalogue, which, words)
+    return [words("listing.unlike_verticals", each=each)] if each else []
+
+
+def unlike_verticals(catalogue: Catalogue, which: Filter, words: Translations) -> str:
+    """Return the verticals of the captures' cambers with their numbers; empty of one alone."""
+    found = verticals(catalogue, which)
+    each = (
+        f"{words.known('page', f'vertical_{vertical}')}: {words.count(number)}"
+        for vertical, number in found.items()
+    )
+    return "; ".join(each) if len(found) > 1 else ""
 
 
 def doubted_note(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:

@@ -34,6 +34,7 @@ from ...batch.results.tables import (
     expanded,
     failures_table,
     removed_note,
+    unlike_verticals,
 )
 from ...batch.results.trend_plot import trend_drawing
 from ...batch.results.trends import drifts
@@ -84,14 +85,10 @@ def answer(
 
 def _unlike_verticals(catalogue: Catalogue, parameters: Parameters, words: Translations) -> str:
     """Return a notice where cambers of the captures are not to be compared; empty elsewhere."""
-    found = verticals(catalogue, filter_of(parameters))
+    each = unlike_verticals(catalogue, filter_of(parameters), words)
     charted = parameters.get("quantity", "")
-    if len(found) < 2 or (charted and not any(name in charted for name in BY_VERTICAL)):
+    if not each or (charted and not any(name in charted for name in BY_VERTICAL)):
         return ""
-    each = "; ".join(
-        f"{words.known('page', f'vertical_{vertical}')}: {words.count(number)}"
-        for vertical, number in found.items()
-    )
     return words("page.unlike_verticals", each=each)
 
 
