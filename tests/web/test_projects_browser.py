@@ -272,6 +272,8 @@ def test_before_and_after_of_a_vehicle(visit, archive):
     earlier = page.locator("#result select[name=earlier]")
     earlier.select_option(index=1)
     page.wait_for_selector("section[aria-labelledby=change-title] table")
+    shown = page.locator("section[aria-labelledby=change-title]").inner_text()
+    assert "by the same scans: what differs is the evaluation" in shown  # all are of one file
     visit.check_with_axe()
     page.select_option(".save select[name=format]", "txt")
     with page.expect_download() as loaded:

@@ -102,7 +102,9 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
       if (!id) return table.replaceChildren();
       const asked = ask(`/api/jobs/${this.job.id}/changes?before=${id}`).catch((error) => error);
       const answer = await whileShown(asked, () => id === this.earlier);
-      return table.replaceChildren(answer instanceof Error ? el("p", { role: "alert" }, answer.message) : tableOf({ ...answer.table, caption: "" }));
+      if (answer instanceof Error) return table.replaceChildren(el("p", { role: "alert" }, answer.message));
+      const { caption } = answer.table;
+      return table.replaceChildren(tableOf({ ...answer.table, caption: caption === t("before_after") ? "" : caption }));
     };
     return el("section", { class: "card", "aria-labelledby": "change-title" }, el("h2", { id: "change-title" }, t("before_after")),
       select("earlier", t("before_of"), [["", "…"], ...others.map((job) => [job.id, `${called(job)}, ${dayOf(job)}`])], "", show), table);
