@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import math
+import shlex
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
@@ -66,6 +67,7 @@ WRITERS = {
 }
 FILE = click.Path(path_type=Path, dir_okay=False)
 PIPE = Path("-")
+FILTERS = ("text", "vehicle", "since", "until", "status", "gone", "spans", "vertical")
 
 
 @dataclass(frozen=True)
@@ -489,7 +491,8 @@ def _report(
         return False
     lists = modes or [name for name in page.LISTS if name != "worst"]
     limit = query.limit or page.MOST_CAPTURES
-    chosen = page.Selection(source, query.which, query.quantities, lists, limit, worst or 0)
+    which, quantities = query.which, query.quantities
+    chosen = page.Selection(source, which, quantities, lists, limit, worst or 0, _selecting())
     writer = Writer(options.words, options.view)
     document = page.results_document(catalogue, chosen, writer)
     for kind, path in files.items():
@@ -499,6 +502,29 @@ def _report(
             write_whole(path, content)
             click.echo(f"wrote {path}", err=True)
     return True
+
+
+def _selecting() -> str:
+    """Return the options by which captures and quantities are chosen, as a shell takes them."""
+    context = click.get_current_context()
+    chosen = [
+        one
+        for one in context.command.params
+        if one.name in (*FILTERS, "quantities")
+        and context.get_parameter_source(one.name) is ParameterSource.COMMANDLINE
+    ]
+    words = (word for one in chosen for word in _as_given(one, context.params[str(one.name)]))
+    return printable(shlex.join(words))
+
+
+def _as_given(option: click.Parameter, value: Any) -> Iterator[str]:
+    """Yield the words of an option and its value, of each where it may be repeated."""
+    if isinstance(value, bool):
+        yield option.opts[0] if value else option.secondary_opts[0]
+        return
+    for each in value if option.multiple else [value]:
+        yield option.opts[0]
+        yield from [each] if isinstance(each, str) else each
 
 
 def _warn_of_verticals(catalogue: Catalogue, which: Filter) -> None:

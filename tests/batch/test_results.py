@@ -10,6 +10,7 @@ import json
 import math
 import os
 import re
+import shlex
 import signal
 import sqlite3
 import subprocess
@@ -599,6 +600,21 @@ def test_angles_of_statistics_are_in_the_unit_of_the_list(tmp_path):
     assert "mm/m" not in camber
     assert "+1.000 mm/m" in over_time
     assert "mm/m" in farthest
+
+
+def test_a_report_says_what_is_selected(results, tmp_path):
+    """'Every selected capture is measured in full' is of those that these options choose."""
+    shown = tmp_path / "report.html"
+    run(results, "--html", shown)
+    title = f">{load_translations('en')('listing.selection')}<"
+    assert title not in shown.read_text(encoding="utf-8")
+    asked = ["--name", "site", "--vehicle", "car 0", "--since", "2026-09-01", "--status", "ok",
+             "--status", "part", "--no-gone", "--where", "RL camber", "-2..",
+             "--quantity", "RR toe", "--quantity", "RL toe"]  # fmt: skip
+    run(results, *asked, "--summary", "--html", shown)
+    text = html.unescape(shown.read_text(encoding="utf-8"))
+    assert title in text
+    assert shlex.join(asked) in text
 
 
 @pytest.mark.parametrize(

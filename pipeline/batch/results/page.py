@@ -40,7 +40,10 @@ LISTS = ("list", "summary", "drift", "worst", "failures")
 
 @dataclass(frozen=True)
 class Selection:
-    """Content of a report on a catalogue: captures, quantities, and which of LISTS."""
+    """Content of a report on a catalogue: captures, quantities, and which of LISTS.
+
+    asked: the options by which captures and quantities are chosen; empty for all.
+    """
 
     source: str
     which: Filter
@@ -48,6 +51,7 @@ class Selection:
     lists: Sequence[str]
     limit: int
     worst: int
+    asked: str = ""
 
 
 def results_document(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Document:
@@ -62,7 +66,10 @@ def results_document(catalogue: Catalogue, chosen: Selection, writer: Writer) ->
     return Document(
         title=words("listing.title"),
         record=_record(catalogue, chosen),
-        head=[(words("listing.results"), chosen.source)],
+        head=[
+            (words("listing.results"), chosen.source),
+            *[(words("listing.selection"), chosen.asked)] * bool(chosen.asked),
+        ],
         headline=Headline("none", NONE, title, tuple(says)),
         results=[first],
         annexes=sections[1:],
