@@ -167,7 +167,10 @@ def test_doubts_stand_in_the_row_of_a_capture(tmp_path):
     blocks = np.array_split(file.read_text().splitlines(), 4)
     file.write_text("".join(f"{line}\n" for i in (1, 0, 3, 2) for line in blocks[i]))
     five_points(tmp_path / "archive" / "sound.txt", 2)
-    assert run(tmp_path / "archive", tmp_path / "results").returncode == 0
+    done = run(tmp_path / "archive", tmp_path / "results")
+    assert done.returncode == 0
+    assert "      1 in doubt, left out of statistics: The frame's up points" in done.stdout
+    assert "        such as car.txt\n" in done.stdout
     chosen = Selection("", ALL, None, ["list"], 9, 9)
     writer = Writer(load_translations("pt"), PAPER)
     with open_catalogue(str(tmp_path / "results")) as catalogue:

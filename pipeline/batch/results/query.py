@@ -97,6 +97,13 @@ def doubted(catalogue: Catalogue, which: Filter = ALL) -> int:
     return int(catalogue.connection.execute(counted, values).fetchone()[0])
 
 
+def example_in_doubt(catalogue: Catalogue) -> tuple[str, str] | None:
+    """Return name and note of the first capture in doubt by name; None without one."""
+    question = "SELECT name, reason FROM captures WHERE doubted ORDER BY name, id LIMIT 1"
+    row: tuple[str, str] | None = catalogue.connection.execute(question).fetchone()
+    return row
+
+
 def removed(catalogue: Catalogue, which: Filter = ALL) -> int:
     """Count the captures no longer in the archive, unless the filter asks about these."""
     return 0 if which.removed is not None else count(catalogue, replace(which, removed=True))

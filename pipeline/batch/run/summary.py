@@ -10,7 +10,15 @@ from ..catalogue.rows import STATUSES
 from ..plan.shard import ALL, Shard
 from ..results.calibration_list import counts as decisions_of
 from ..results.calibration_list import unusable
-from ..results.query import Filter, brief, captures, count, failures
+from ..results.query import (
+    Filter,
+    brief,
+    captures,
+    count,
+    doubted,
+    example_in_doubt,
+    failures,
+)
 from .progress import RunCounts
 from .work import RECOGNISED, VANISHED
 
@@ -62,6 +70,10 @@ def summary(
         kinds = len(failing) - WORST
         others = f"{rest:7} for {kinds} other reason{'s' * (kinds > 1)}"
         lines.append(f"{others}: wheelplane results {results} --failures")
+    if example := example_in_doubt(catalogue):
+        name, note = example
+        lines.append(f"{doubted(catalogue):7} in doubt, left out of statistics: {_short(note)}")
+        lines.append(f"        such as {name}")
     lines += _calibrations(catalogue, results)
     lines += ["", f"next: wheelplane results {results}"]
     return "\n".join(map(printable, lines)), held["ok"] == held.total() and not missing
