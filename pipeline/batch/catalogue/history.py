@@ -23,15 +23,17 @@ def holds_results(results: Store) -> bool:
 def retried(results: Store, retry: str) -> list[str]:
     """Return the keys of the results that `--retry` measures again.
 
-    Raises InputError if `retry` is neither a status nor the name of a capture.
+    Raises InputError if `retry` is neither a status nor the name of a capture, nor the key of a
+    result, by which a damaged one is listed.
     """
     if not holds_results(results):
         return []
     update(results)
-    question = "SELECT key FROM captures WHERE status IN (SELECT value FROM json_each(?))"
-    values = json.dumps(FAILED if retry == ANY_FAILURE else [retry])
+    failed = "status IN (SELECT value FROM json_each(:status))"
+    question = f"SELECT key FROM captures WHERE {failed} OR name = :retry OR key = :retry"  # noqa: S608
+    status = json.dumps(FAILED if retry == ANY_FAILURE else [retry])
     with open_catalogue(results.url) as catalogue:
-        rows = catalogue.connection.execute(f"{question} OR name = ?", (values, retry))
+        rows = catalogue.connection.execute(question, {"status": status, "retry": retry})
         keys = [key for (key,) in rows]
     if not keys and retry not in STATUSES:
         raise InputError(
@@ -42,8 +44,9 @@ def retried(results: Store, retry: str) -> list[str]:
 
 
 def is_retried(row: CaptureRow, retry: str) -> bool:
-    """Return whether `--retry` measures a capture again: all that failed, a status, or a name."""
-    return row.name == retry or row.status in (FAILED if retry == ANY_FAILURE else (retry,))
+    """Return whether `--retry` measures a capture again: all that failed, a status, name or key."""
+    status = FAILED if retry == ANY_FAILURE else (retry,)
+    return retry in (row.name, row.key) or row.status in status
 
 
 def supersede(results: Store, key: str) -> None:
