@@ -45,7 +45,8 @@ HAND_BACK_S = 15.0  # after SIGTERM; machines that are taken back leave 30 s or 
 @click.option(
     "--resume",
     is_flag=True,
-    help="Measure all anew, without asking, in RESULTS created with other settings.",
+    help="Go on, without asking, in RESULTS created with another archive, settings or version: "
+    "what these change is measured anew.",
 )
 @click.option(
     "--retry",
@@ -107,7 +108,7 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
 
     The same command again, also after a kill, measures only captures that are new, changed or not
     yet done. If RESULTS were created with another archive, settings or version, it asks first,
-    since all captures are then measured anew; --resume answers yes.
+    since captures that these change are then measured anew; --resume answers yes.
 
     Exits with 1 when a capture failed, or was measured in part.
     """
@@ -263,7 +264,9 @@ def _begin(request: RunRequest, resume: bool, given: dict[str, str], watch: bool
         shown = "; ".join(others[:MOST_SHOWN]) + "; ..." * (len(others) > MOST_SHOWN)
         fact = f"{request.results}: was created with other settings: {shown}"
         if not sys.stdin.isatty():
-            raise InputError(f"{fact}: add --resume to measure all anew, or name another folder")
-        click.confirm(f"{fact}\nMeasure all captures anew?", abort=True)
+            raise InputError(
+                f"{fact}: add --resume to measure anew what this changes, or name another folder"
+            )
+        click.confirm(f"{fact}\nMeasure anew what this changes?", abort=True)
     write_run_manifest(results, request)
     write_options(results, given)
