@@ -132,8 +132,8 @@ def test_a_table_becomes_rows_of_the_page(site, job, table, rows, kind):
     found = site.put(f"/api/jobs/{job}/readings/My readings.{kind}", content)
     assert found.status_code == 200, found.json
     assert found.json["rows"] == rows
-    places = list(site.app.config["state"].jobs.found(job).folder.glob("table-*"))
-    assert places == []  # nothing is left of it
+    folder = site.app.config["state"].jobs.found(job).folder
+    assert [*folder.glob("table-*"), *folder.glob("rows-*")] == []  # nothing is left of it
 
 
 def test_the_faults_of_a_table_name_it(site, job):

@@ -78,7 +78,11 @@ def table_rows(jobs: Jobs, job: PageJob, content: bytes, name: str, language: st
         jobs.cancel(reading)
         failure = reading.failure or {"text": f"{name}: not read in time: give readings only"}
         raise RefusedError(400, failure["text"])
-    return json.loads((job.folder / plan["file"]).read_text(encoding="utf-8"))
+    rows = job.folder / plan["file"]
+    try:
+        return json.loads(rows.read_text(encoding="utf-8"))
+    finally:
+        rows.unlink()
 
 
 def save_folder(files: Mapping[str, bytes], target: Path) -> str:
