@@ -270,12 +270,12 @@ def results(
     which = Filter(
         text,
         vehicle,
-        None if since is None else _day("--since", since, False),
-        None if until is None else _day("--until", until, True),
-        status,
-        tuple(_range(*span) for span in spans),
-        gone,
-        vertical,
+        status=status,
+        ranges=tuple(_range(*span) for span in spans),
+        removed=gone,
+        vertical=vertical,
+        **_bound("since", since),
+        **_bound("until", until),
     )
     query = Query(which, quantities or None, View(angles=angles, digits=digits), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
@@ -557,9 +557,9 @@ def _warn_of_removed(catalogue: Catalogue, which: Filter) -> None:
 
 def _warn_undated(catalogue: Catalogue, which: Filter) -> None:
     """Note how many captures have no date, where --since or --until selects by date."""
-    if which.since_day is None and which.until_day is None:
+    anytime = replace(which, since_day=None, until_day=None, since_date=None, until_date=None)
+    if which == anytime:
         return
-    anytime = replace(which, since_day=None, until_day=None)
     undated = count(catalogue, anytime) - count(catalogue, replace(anytime, since_day=-math.inf))
     if undated:
         captures_are = (
@@ -571,16 +571,22 @@ def _warn_undated(catalogue: Catalogue, which: Filter) -> None:
         click.echo(f"{captures_are} left out: {advice}", err=True)
 
 
-def _day(option: str, text: str, end: bool) -> float:
-    """Return days since 1970-01-01 (UTC unless a zone is given); with `end`, of its last moment."""
+def _bound(end: str, text: str | None) -> dict[str, Any]:
+    """Return what a filter holds of `since` or `until`: a date, or days since 1970-01-01 of a time.
+
+    A date is by the clock of each capture, a time by UTC unless it has a zone.
+    """
+    if text is None:
+        return {}
     try:
         moment = datetime.fromisoformat("" if "W" in text else text)  # a week is no day
     except ValueError as error:
-        raise InputError(f"{option} {text}: is not a date: write it as 2026-11-20") from error
+        raise InputError(f"--{end} {text}: is not a date: write it as 2026-11-20") from error
+    if len(text) <= len(date.min.isoformat()):
+        return {f"{end}_date": moment.date().isoformat()}
     zoned = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    whole_day = len(text) <= len(date.min.isoformat())
-    after = timedelta(days=1) if whole_day else timedelta(microseconds=1)
-    return (zoned.timestamp() + after.total_seconds() * end) / 86400.0
+    after = timedelta(microseconds=1) if end == "until" else timedelta(0)
+    return {f"{end}_day": (zoned.timestamp() + after.total_seconds()) / 86400.0}
 
 
 def _range(quantity: str, text: str) -> ValueRange:

@@ -629,6 +629,27 @@ def test_the_headline_is_of_the_captures_that_are_chosen(results, tmp_path, name
     assert said == {one: one == headline for one in said}
 
 
+def test_days_are_those_of_the_clock_of_each_capture(tmp_path):
+    """Evenings in the west and nights in the east lie on other days of UTC than their own."""
+    dates = {
+        "west": "2026-11-20T17:00:00-08:00",
+        "east": "2026-11-21T00:30:00+02:00",
+        "plain": "2026-11-20",
+        "utc": "2026-11-20T23:59:59",
+        "far": "2026-11-22T00:00:01+14:00",
+    }
+    add(open_store(str(tmp_path)), *[result(name, date=date) for name, date in dates.items()])
+    for day in ("2026-11-19", "2026-11-20", "2026-11-21", "2026-11-22", "2026-11-23"):
+        whole = run(tmp_path, "--since", day, "--until", day, "--json").stdout
+        found = {one["name"] for one in json.loads(whole)["captures"]}
+        assert found == {name for name, date in dates.items() if date.startswith(day)}
+        before = json.loads(run(tmp_path, "--until", day, "--json").stdout)["captures"]
+        assert {one["name"] for one in before} == {n for n, d in dates.items() if d[:10] <= day}
+    moment = ("--since", "2026-11-21T01:00:00", "--until", "2026-11-21T01:00:00")  # UTC
+    exact = json.loads(run(tmp_path, *moment, "--json").stdout)["captures"]
+    assert [one["name"] for one in exact] == ["west"]
+
+
 def test_captures_without_a_date_are_reported_where_dates_are_asked_for(results, catalogue):
     undated = sum(row.day is None for row in captures(catalogue))
     done = run(results, "--since", "2000-01-01")

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from datetime import date
 from typing import Literal
 
 import numpy as np
@@ -38,6 +39,7 @@ class Filter:
     text: part of the capture's name; vehicle: its complete name; since_day, until_day: days since
     1970-01-01, since_day included, until_day excluded; status: any of these; removed: whether the
     capture was missing from the archive at the last run; vertical: from which its cambers are.
+    since_date, until_date: first and last date in ISO 8601, by the clock of each capture.
     """
 
     text: str = ""
@@ -48,6 +50,8 @@ class Filter:
     ranges: tuple[ValueRange, ...] = ()
     removed: bool | None = None
     vertical: str | None = None
+    since_date: str | None = None
+    until_date: str | None = None
 
 
 ALL = Filter()
@@ -261,6 +265,16 @@ def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
         add("c.day >= ?", which.since_day)
     if which.until_day is not None:
         add("c.day < ?", which.until_day)
+    if which.since_date is not None:  # days by UTC, for the index, are at most one from it
+        add(
+            "c.day >= ? AND substr(c.date, 1, 10) >= ?",
+            _day(which.since_date) - 1,
+            which.since_date,
+        )
+    if which.until_date is not None:
+        add(
+            "c.day < ? AND substr(c.date, 1, 10) <= ?", _day(which.until_date) + 2, which.until_date
+        )
     if which.status:
         add(f"c.status IN ({', '.join('?' * len(which.status))})", *which.status)
     if which.removed is not None:
@@ -272,6 +286,11 @@ def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
     if which.ranges:
         add(_within(catalogue, which.ranges))
     return f"WHERE {' AND '.join(terms)}" if terms else "", values
+
+
+def _day(iso_date: str) -> int:
+    """Return days since 1970-01-01 of a date."""
+    return (date.fromisoformat(iso_date) - date(1970, 1, 1)).days
 
 
 def chosen(catalogue: Catalogue, which: Filter) -> Numbers:
