@@ -10,6 +10,7 @@ from ..storage.store import Store
 from .catalogue import open_catalogue, update
 from .load_records import json_name
 from .rows import FAILED, STATUSES, CaptureRow
+from .schema import identity
 
 ANY_FAILURE = "failed"  # of --retry: failed, quarantined or damaged
 REMOVED = "gone.json"  # name of a file that users hold
@@ -29,11 +30,13 @@ def retried(results: Store, retry: str) -> list[str]:
     if not holds_results(results):
         return []
     update(results)
-    failed = "status IN (SELECT value FROM json_each(:status))"
-    question = f"SELECT key FROM captures WHERE {failed} OR name = :retry OR key = :retry"  # noqa: S608
+    question = (
+        "SELECT key FROM captures WHERE status IN (SELECT value FROM json_each(?)) OR name = ? "
+        "OR (id = ? AND key = ?)"
+    )
     status = json.dumps(FAILED if retry == ANY_FAILURE else [retry])
     with open_catalogue(results.url) as catalogue:
-        rows = catalogue.connection.execute(question, {"status": status, "retry": retry})
+        rows = catalogue.connection.execute(question, (status, retry, *identity(retry)))
         keys = [key for (key,) in rows]
     if not keys and retry not in STATUSES:
         raise InputError(

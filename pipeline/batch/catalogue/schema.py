@@ -67,6 +67,14 @@ def number_of(key: str) -> int:
     return int(key[:KEY_DIGITS], 16)
 
 
+def identity(key: str) -> tuple[int, str]:
+    """Return row number and key, by which a text is looked up that need not be a key."""
+    try:
+        return number_of(key), key
+    except ValueError:
+        return -1, key
+
+
 def put(connection: sqlite3.Connection, records: Iterable[Record]) -> int:
     """Insert or replace records and return how many differed from those before.
 

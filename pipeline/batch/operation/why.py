@@ -12,6 +12,7 @@ from ...errors import InputError, printable
 from ..catalogue.catalogue import open_catalogue
 from ..catalogue.load_records import json_name
 from ..catalogue.rows import DAMAGED, CaptureRow, read_record
+from ..catalogue.schema import identity
 from ..storage.store import Store, open_store
 from ..storage.zipped import zip_above
 
@@ -40,8 +41,8 @@ def account(results: str, name: str) -> str:
     A damaged result, which names no capture, is called by its key.
     """
     with open_catalogue(results) as catalogue:
-        question = "SELECT key FROM captures WHERE name = :name OR key = :name"
-        rows = catalogue.connection.execute(question, {"name": name})
+        question = "SELECT key FROM captures WHERE name = ? OR (id = ? AND key = ?)"
+        rows = catalogue.connection.execute(question, (name, *identity(name)))
         keys = [key for (key,) in rows]
     if not keys:
         raise InputError(

@@ -18,7 +18,7 @@ from ..catalogue.catalogue import Catalogue
 from ..catalogue.columns import ANGLES, Numbers, captures_of, column_of
 from ..catalogue.history import read_removed
 from ..catalogue.rows import CaptureRow, QuantityRow, WheelRow
-from ..catalogue.schema import CAPTURE_COLUMNS, WHEEL_COLUMNS, number_of
+from ..catalogue.schema import CAPTURE_COLUMNS, WHEEL_COLUMNS, identity
 
 Order = Literal["name", "date", "vehicle", "status"]
 
@@ -150,7 +150,7 @@ ORDERS = {"name": "", "date": "day, ", "vehicle": "vehicle, ", "status": "status
 def capture_of(catalogue: Catalogue, key: str) -> CaptureRow | None:
     """Return one capture by its key, None if there is none."""
     columns = f"SELECT {', '.join(CAPTURE_COLUMNS)} FROM captures WHERE id = ? AND key = ?"  # noqa: S608
-    row = catalogue.connection.execute(columns, _identity(key)).fetchone()
+    row = catalogue.connection.execute(columns, identity(key)).fetchone()
     return None if row is None else CaptureRow(*row)
 
 
@@ -159,7 +159,7 @@ def wheels_of(catalogue: Catalogue, key: str) -> tuple[WheelRow, ...]:
     rows = catalogue.connection.execute(
         f"SELECT {', '.join(f'w.{name}' for name in WHEEL_COLUMNS)} FROM wheel_rows AS w "  # noqa: S608
         "JOIN captures AS c USING(id) WHERE c.id = ? AND key = ? ORDER BY place",
-        _identity(key),
+        identity(key),
     )
     return tuple(WheelRow(*row) for row in rows)
 
@@ -169,7 +169,7 @@ def quantities_of(catalogue: Catalogue, key: str) -> tuple[QuantityRow, ...]:
     rows = catalogue.connection.execute(
         "SELECT k.kind, value, u, unit FROM kinds AS k CROSS JOIN quantity_rows AS q "
         "USING(kind_id) JOIN captures AS c USING(id) WHERE q.id = ? AND key = ? ORDER BY k.kind",
-        _identity(key),
+        identity(key),
     )
     return tuple(QuantityRow(*row) for row in rows)
 
@@ -345,10 +345,3 @@ def _in_range(catalogue: Catalogue, span: ValueRange, among: Numbers) -> Numbers
     values, _ = column_of(connection, name, units[name], numbers)
     inside = numbers[(values >= span.low) & (values <= span.high)]
     return np.intersect1d(among, inside, assume_unique=True)
-
-
-def _identity(key: str) -> tuple[int, str]:
-    try:
-        return number_of(key), key
-    except ValueError:
-        return -1, key
