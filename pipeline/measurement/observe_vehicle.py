@@ -253,7 +253,8 @@ def _chosen(
 ) -> tuple[list[Mapping[str, int]], Naming] | None:
     """Return the wheels as the operator named their targets, None where he did not.
 
-    Raises InputError where left and right contradict the up direction.
+    Raises InputError where left and right contradict the up direction, or front and rear the front
+    that is stated.
     """
     if not all(wheel in capture.hints for wheel in REFERENCE_WHEELS):
         return None
@@ -271,6 +272,11 @@ def _chosen(
                 f"hints: {other} lies to the right of {right}, with up by {up.by}: exchange the "
                 "two, or the front and the rear"
             )
+    if capture.front is not None and not capture.front.is_ahead(rear_m, front_m):
+        raise InputError(
+            f"hints: FR and FL lie behind RR and RL, by {capture.front.note}: name all four anew, "
+            "or correct the front"
+        )
     notes = [
         note_on_hint(hint, wheel, place.best, config)
         for hint, wheel, place in zip(hints, REFERENCE_WHEELS, found.places, strict=True)

@@ -329,6 +329,18 @@ def test_left_and_right_exchanged_are_refused(whole, measured, way):
         measurement(whole, hints=hints)
 
 
+def test_front_and_rear_exchanged_are_refused_where_the_front_is_stated(whole, measured):
+    """Wheels named the other way round agree with up: only the stated front shows it."""
+    hints = {name: tuple(centre(measured, name)) for name in ("RR", "RL", "FR", "FL")}
+    turned = {"RR": "FL", "RL": "FR", "FR": "RL", "FL": "RR"}
+    front = tuple(measured.frame.forward)
+    back = tuple(-measured.frame.forward)
+    assert measurement(whole, hints=hints, front=front).wheels
+    for named, ahead in ((hints, back), ({one: hints[turned[one]] for one in hints}, front)):
+        with pytest.raises(InputError, match="hints: FR and FL lie behind RR and RL, by --front"):
+            measurement(whole, hints=named, front=ahead)
+
+
 def test_the_command_writes_pictures_although_the_measurement_fails(doubled, tmp_path):
     out = tmp_path / "why"
     command = ["measure", doubled, "--target", "disc-250"]
