@@ -43,10 +43,20 @@ def by_file_names(folder: Path, source: Path) -> CaptureFile:
 
 
 def filled_by_names(declared: CaptureFile, folder: Path, source: Path) -> CaptureFile:
-    """Add the wheels and trials by file names to a declaration that names no scan."""
+    """Add the wheels and trials by file names to a declaration that names no scan.
+
+    Raises InputError, which begins with `source`, if it states what only a cloud of all has.
+    """
     if declared.reference is not None or declared.cloud is not None or not _has_wheels(folder):
         return declared
     named = by_file_names(folder, source)
+    for key in ("front", "front_point", "up", "runout"):
+        if key in declared.model_fields_set:
+            raise InputError(
+                f"{source}: capture.toml: {key} without cloud or [reference], beside scans that "
+                "are named as wheels: add cloud, the file that shows all wheels, or [reference], "
+                f"with the scan of each{'' if key == 'runout' else f', and leave out {key}'}"
+            )
     return declared.model_copy(update={"reference": named.reference, "trial": named.trial})
 
 

@@ -323,6 +323,7 @@ def test_what_is_no_capture_at_all(tmp_path):
 
 
 CLOUD = 'cloud = "vehicle.e57"\n'
+RUNOUT = '[[runout]]\nname = "half"\nfile = "rr2.ply"\nangle_deg = 180.0\n'
 FRONT = "front = [0, -2, 0.5]\n"
 
 
@@ -427,6 +428,9 @@ def test_options_go_before_the_file(tmp_path):
         (DISC + CLOUD + 'front = "x"\n', ["front", "got 'x'"]),
         (DISC + CLOUD + "front = [nan, 0, 1]\n", ["front.0", "finite"]),
         (DISC + CLOUD + 'up = "y"\n', ["up", "'floor'", "got 'y'"]),
+        (DISC + FRONT, ["front without cloud or [reference]", "and leave out front"]),
+        (DISC + 'up = "floor"\n', ["up without cloud or [reference]", "and leave out up"]),
+        (DISC + RUNOUT, ["runout without cloud or [reference]", "with the scan of each"]),
         (DISC + "cluod = 3\n", ["unknown key 'cluod'", "did you mean 'cloud'?"]),
     ],
 )  # fmt: skip
