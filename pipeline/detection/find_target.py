@@ -41,7 +41,9 @@ from .surfels import Surfels, find_surfels
 
 LIKELY = 0.6  # of the best match, or the least: a candidate that may prove better
 MOST_SCORED = 12  # candidate positions of one scan that are scored
-FEW, MANY_TIMES = 1200, 10  # points whose cells are too coarse for the outline; see _is_scrap
+# Points whose cells are too coarse for the outline; how many times as many, and how many times less
+# noise, a surface has beside what is none; share of its match that a rival of such a one needs.
+FEW, MANY_TIMES, SMOOTHER, DOUBTED = 1200, 5, 5.0, 0.5
 SPARSE = 1500  # points on a target, below which all points of the scan are used, not a sample
 SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing rivals it
 SEARCHED, LEAST_CHOSEN = 3.0, 0.1  # radii about a chosen point, and the match that is enough there
@@ -184,18 +186,24 @@ def find_candidates(
     found = [replace(c, centre_m=c.centre_m + origin) for c in found]
     if len(points_m) > len(points):
         found = _rescore_sparse(points_m, found, target, config, steps)
-    return [one for one in found if not _is_scrap(one, found, config)]
+    return [one for one in found if not _is_scrap(one, found)]
 
 
-def _is_scrap(one: Candidate, found: Sequence[Candidate], config: SegmentConfig) -> bool:
-    """Return whether another candidate matches nearly as well, by many times the points.
+def _is_scrap(one: Candidate, found: Sequence[Candidate]) -> bool:
+    """Return whether one of several likely candidates is no surface beside another."""
+    return any(other.match > LIKELY * one.match and _is_thin(one, other) for other in found)
 
-    A target is scanned about as densely as what is beside it, and few points match anything.
+
+def _is_thin(one: Candidate, other: Candidate) -> bool:
+    """Return whether a candidate has few points, or much noise, beside another.
+
+    A target is scanned about as densely and smoothly as what is beside it. Few points match
+    anything, and so does what lies about a plane without being one, as mixed pixels do along a
+    straight edge before a target: in all planes through it and the scanner.
     """
-    return one.points < FEW and any(
-        other.points > MANY_TIMES * one.points and other.match > config.rival_match * one.match
-        for other in found
-    )
+    sparse = one.points < FEW and other.points > MANY_TIMES * one.points
+    rough = other.points > one.points and one.sigma_m > SMOOTHER * other.sigma_m
+    return sparse or rough
 
 
 def voxels_of(points_m: Array, target: Target) -> VoxelGrid:
@@ -298,6 +306,12 @@ def check_best(found: Sequence[Candidate], target: Target, config: SegmentConfig
 
 
 def rivals(best: Candidate, other: Candidate, target: Target, config: SegmentConfig) -> bool:
-    """Return whether another candidate matches nearly as well as the best, elsewhere."""
-    apart = float(np.linalg.norm(other.centre_m - best.centre_m))
-    return other.match > config.rival_match * best.match and apart > target.radius_m
+    """Return whether another candidate matches nearly as well as the best, elsewhere.
+
+    Or half as well, where the best is hardly a surface beside it.
+    """
+    apart_m = float(np.linalg.norm(other.centre_m - best.centre_m))
+    if apart_m < target.radius_m and on_one_surface(other, best, target.radius_m):
+        return False
+    share = DOUBTED if _is_thin(best, other) else config.rival_match
+    return other.match > share * best.match

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.printing import setup_of
 from tests.support.scenes import WHEEL, Setup, Sheet, make, rotation
 from tests.support.single_scan import measure_scan
 from wheelplane.config import Config, SegmentConfig
@@ -21,6 +22,7 @@ from wheelplane.detection.find_target import (
 from wheelplane.errors import NotMeasuredError
 from wheelplane.readers.scan import Scan
 from wheelplane.targets.plates import DiscTarget, RectangleTarget
+from wheelplane.targets.registry import load_target
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
 COARSE = Setup(spacing_m=0.0025, half_width_m=0.25, pairs=8)
@@ -253,17 +255,43 @@ def test_wheel_without_a_target():
 
 @pytest.mark.parametrize(
     ("match", "points", "kept"),
-    [(0.47, 151, False), (0.8, 151, True), (0.47, 500, True), (0.2, 4000, True)],
+    [(0.47, 151, False), (0.8, 151, True), (0.47, 1000, True), (0.2, 4000, True)],
 )
 def test_a_scrap_of_few_points_is_no_rival_of_a_target_of_many(match, points, kept):
     many = Candidate(np.zeros(3), np.eye(3), 0.45, 0.001, 0.005, 4114)
     other = replace(many, centre_m=np.full(3, 0.2), match=match, points=points)
-    assert _is_scrap(other, [many, other], SegmentConfig()) is not kept
-    assert not _is_scrap(many, [many, other], SegmentConfig())
+    assert _is_scrap(other, [many, other]) is not kept
+    assert not _is_scrap(many, [many, other])
 
 
 PLATE = RectangleTarget(shape="rectangle", width=0.36, height=0.24, thickness=0.01)
 BEFORE_M = 0.06  # distance of a panel before the plate
+BOARD = Setup(spacing_m=0.002, half_width_m=0.26, pairs=4)
+HIDDEN = (BOARD.but(hidden=0.3), BOARD.but(hidden=0.4, strip_m=0.12))
+
+
+@pytest.mark.parametrize(
+    ("name", "board", "seed", "found"),
+    [
+        ("rectangle-360x240", HIDDEN[0], 9, True),
+        ("rectangle-360x240", HIDDEN[0], 17, True),
+        ("rectangle-360x240", HIDDEN[1], 6, False),
+        ("square-300", HIDDEN[1], 3, False),
+    ],
+)
+def test_mixed_pixels_at_a_board_before_a_target_are_no_target(name, board, seed, found):
+    """They lie about the planes through its edges and the scanner, sparse, or deep in noise.
+
+    What is seen of the background beside the board may be a rival as well.
+    """
+    target = load_target(name)
+    cloud = make(setup_of(target, board), seed)
+    if not found:
+        assert status(cloud.points_m, target) == "ambiguous-target"
+        return
+    patch = find(cloud.points_m, target)
+    assert tilt(patch.basis[2], cloud.normal) < 0.01
+    assert off(patch, cloud) < 0.01
 
 
 def behind_a_panel(rng, end_m, spacing_m=0.003):
