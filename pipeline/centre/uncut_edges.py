@@ -43,7 +43,10 @@ def uncut_sectors(
     closest = outline.closest(turned(face - state[CENTRE], -state[ROTATION]))
     ends = ends_m(closest.x_m[closest.clear], sector(closest.share[closest.clear], SECTORS))
     of_side = np.array([np.median(ends[side]) for side in along])
-    alike = np.abs(of_side - np.median(ends[backed])) < EROSION_M + 0.5 * spacing_m
+    of_backed = np.median(ends[backed])
+    if not np.isfinite(of_backed):
+        return backed  # most of them are hidden, so that no other edge ends as they do
+    alike = np.abs(of_side - of_backed) < EROSION_M + 0.5 * spacing_m
     held: Mask = backed | (alike & _mostly(opposite, alike))
     return None if held.all() else held
 

@@ -136,6 +136,11 @@ def test_neither_is_an_edge_where_neither_has_a_background_and_one_is_cut():
     np.testing.assert_array_equal(held, ~(RIGHT | LEFT))
 
 
+def test_an_edge_ends_not_like_those_with_a_background_that_are_hidden():
+    held = sectors(-0.1, lambda uv: uv[:, 0] > 0.15)
+    np.testing.assert_array_equal(held, RIGHT)
+
+
 def test_points_belong_to_the_sector_where_their_beams_meet_the_plane():
     rng = np.random.default_rng(2)
     uv, here = rng.uniform(-0.2, 0.2, (200, 2)), state()
