@@ -3,7 +3,7 @@
 from .bodywork import is_bodied
 from .candidates import FACE_BAND, Candidate
 from .find_target import (
-    LIKELY,
+    DOUBTED,
     candidate_near,
     check_best,
     find_candidates,
@@ -20,8 +20,8 @@ from .up_direction import find_up, stand_on_a_floor
 from .vehicles import FoundTarget
 
 __all__ = [
+    "DOUBTED",
     "FACE_BAND",
-    "LIKELY",
     "OFF_PLANE",
     "Axles",
     "Candidate",

@@ -42,8 +42,9 @@ from .surfels import Surfels, find_surfels
 LIKELY = 0.6  # of the best match, or the least: a candidate that may prove better
 MOST_SCORED = 12  # candidate positions of one scan that are scored
 # Points whose cells are too coarse for the outline; how many times as many, and how many times less
-# noise, a surface has beside what is none; share of its match that a rival of such a one needs.
-FEW, MANY_TIMES, SMOOTHER, DOUBTED = 1200, 5, 5.0, 0.5
+# noise, a surface has beside what is none.
+FEW, MANY_TIMES, SMOOTHER = 1200, 5, 5.0
+DOUBTED = 0.5  # of the match of such a one: what a surface needs to be its rival
 SPARSE = 1500  # points on a target, below which all points of the scan are used, not a sample
 SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing rivals it
 SEARCHED, LEAST_CHOSEN = 3.0, 0.1  # radii about a chosen point, and the match that is enough there
@@ -130,7 +131,7 @@ def candidate_near(
             f"no plane within {target.radius_m * 1e3:.0f} mm of the chosen point ({place}) m has "
             f"the outline of {target.description} (best match {match:.2f}, {LEAST_CHOSEN} needed)",
         )
-    likely = [one for one in found if one.match > LIKELY * match]
+    likely = [one for one in found if one.match > DOUBTED * match]
     return min(best_of_surfaces(likely, target.radius_m), key=lambda one: _off(one, near_m))
 
 

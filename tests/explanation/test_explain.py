@@ -26,8 +26,8 @@ from tests.support.made import (
 from tests.support.round_wheels import vehicle_points, with_disc
 from wheelplane.capture import CaptureOptions, open_capture
 from wheelplane.commands.options import three_numbers
-from wheelplane.config import Config
-from wheelplane.detection import Candidate
+from wheelplane.config import Config, SegmentConfig
+from wheelplane.detection import Candidate, rivals
 from wheelplane.errors import InputError
 from wheelplane.explanation.explain import explain_capture
 from wheelplane.explanation.explain_cloud import SAMPLE
@@ -44,6 +44,7 @@ from wheelplane.report.candidates.text import explanation_text
 from wheelplane.report.candidates.tree import explanation_tree, point_of, verdict_of
 from wheelplane.report.explanation import write_explanation
 from wheelplane.report.format.language import load_translations
+from wheelplane.targets import load_target
 from wheelplane.units import LENGTH_UNITS, in_metres
 from wheelplane_synth.output.files import ply
 
@@ -520,6 +521,9 @@ def test_a_target_behind_what_hides_it_is_shown_and_offered():
     poor = replace(behind, centre_m=np.array([-0.05, 0.0, -0.06]), match=0.1)
     assert apart([panel, behind], RADIUS_M) == [panel, behind]
     assert apart([panel, beside, behind, poor], RADIUS_M) == [panel, behind]
+    mixed = replace(panel, match=0.96, points=1000)  # so few points need half of it for a rival
+    assert rivals(mixed, behind, load_target("disc-250"), SegmentConfig())
+    assert apart([mixed, behind], RADIUS_M) == [mixed, behind]
     judged = (
         ExplainedCandidate(1, panel, "chosen", "outline"),
         ExplainedCandidate(2, behind, "refused", "worse", apart_m=0.078),
