@@ -74,6 +74,12 @@ class Hint:
             note = self._within(note, REGION, corners=", ".join(map(_placed, self.region_m)))
         return Wording(REASONED, choice=note, reason=self.reason) if self.reason else note
 
+    @property
+    def there(self) -> str:
+        """Begin of a message on what is searched; nothing where that is the whole scan."""
+        bounded = self.low_m is not None or self.region_m is not None
+        return f"{self.note}: there, " if bounded else ""
+
     def _within(self, note: str, sentences: tuple[str, str], **places: str) -> str:
         """Return the sentence of a choice of places, or that of a choice in them."""
         alone, added = sentences

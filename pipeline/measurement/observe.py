@@ -215,16 +215,17 @@ def find_searched(within: Searched, target: Target, config: Config, axes: Array 
     axes: as in `find_target`. Raises NotMeasuredError.
     """
     used, near_m = within.used, within.near_m
-    if not within.by_region:
-        return find_patch(used.points_m, target, config, used.intensity, axes, near_m)
-    note = within.hint.note if within.hint else ""
     try:
+        if not within.by_region:
+            return find_patch(used.points_m, target, config, used.intensity, axes, near_m)
         place_m = find_patch(within.points.points_m, target, config, None, axes, near_m).origin_m
         patch = find_patch(used.points_m, target, config, used.intensity, axes, place_m)
     except NotMeasuredError as error:
-        raise NotMeasuredError(error.status, f"{note}: there, {error}") from error
+        there = within.hint.there if within.hint else ""
+        raise NotMeasuredError(error.status, f"{there}{error}") from error
     if not within.shows(patch.origin_m):
         place = ", ".join(f"{x:.3f}" for x in patch.origin_m + 0.0)
+        note = within.hint.note if within.hint else ""
         reason = f"{note}: the target there has its centre ({place}) m outside of it"
         raise NotMeasuredError("no-target", reason)
     return patch

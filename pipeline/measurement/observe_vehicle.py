@@ -115,7 +115,8 @@ def targets_of_cloud(
     try:
         places = bare_wheel.find_places(seen, kinds, config, near_m)
     except NotMeasuredError as error:
-        raise InputError(f"{source}: {error}: check the file, and --target") from error
+        there = hint.there if hint else ""
+        raise InputError(f"{source}: {there}{error}: check the file, and --target") from error
     if not near_m:
         places = _in_region(places, within, source)
     copies = [notes_on_copies(place.best, cloud.file) for place in places]
@@ -208,7 +209,9 @@ def observe_cloud(
         marked = {index: e.target.wheel for index, e in evidence.items() if e.target.wheel}
         named = wheels_by_markers(ways, marked, found.targets)
     except InputError as error:
-        raise InputError(f"{source}: {error}") from error
+        hint = capture.hints.get("vehicle")
+        there = hint.there if hint else ""
+        raise InputError(f"{source}: {there}{error}") from error
     centres_m = np.stack([evidence[named[wheel]].target.centre_m for wheel in REFERENCE_WHEELS])
     observations = [
         Observation(

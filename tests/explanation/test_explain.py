@@ -167,6 +167,22 @@ def test_a_box_hides_what_lies_outside(doubled, measured):
     np.testing.assert_allclose(centre(found, "FL"), centre(measured, "FL"), atol=1e-4)
 
 
+def test_what_is_missing_in_a_box_is_said_to_be_missing_there(plain, whole, measured, tmp_path):
+    """Neither the scan nor the target is at fault."""
+    centres = np.array([centre(measured, name) for name in ("RR", "RL", "FR", "FL")])
+    above, rear, reach = centres[3] + [0.0, 0.0, 0.3], centres[:2], np.array([0.3, 0.3, 0.15])
+    for name, folder, low, high, missing in (
+        ("FL", plain, above - reach, above + reach, "(no|two) plane"),
+        ("vehicle", whole, rear.min(axis=0) - 0.5, rear.max(axis=0) + 0.5, "2 targets found"),
+    ):
+        boxed = shutil.copytree(folder, tmp_path / name)
+        with (boxed / "capture.toml").open("a") as file:
+            file.write(f"\n[hints.{name}]\nbox = [{low.tolist()}, {high.tolist()}]\n")
+        front = None if name == "FL" else tuple(measured.frame.forward)
+        with pytest.raises(InputError, match=f"chose the box from .* m: there, {missing}"):
+            measurement(boxed, front=front)
+
+
 def drawn(scan, middle_m, half_m, turn_rad=0.0):
     """Corners of a square about a place (3,), across the normal of a scan's best candidate."""
     right, up, _ = scan.candidates[0].candidate.basis
@@ -256,7 +272,7 @@ def test_of_a_cloud_the_targets_in_a_region_count(whole, measured):
     with pytest.raises(InputError, match="holds none of the 4 targets that are found"):
         measurement(whole, regions={"vehicle": away}, front=front)
     half = tuple((min(x, (x0 + x1) / 2.0), y, z) for x, y, z in region)
-    with pytest.raises(InputError, match="2 targets found, four are needed"):
+    with pytest.raises(InputError, match=r"chose the region .*: there, 2 targets found, four are"):
         measurement(whole, regions={"vehicle": half}, front=front)
 
 
