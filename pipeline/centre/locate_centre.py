@@ -208,11 +208,13 @@ def _by_pattern(
 ) -> CentreEstimate:
     """Return the estimate by the print.
 
-    A plane higher by h, or tilted by g, moves features along the beams, where these are known.
+    A plane higher by h, or tilted by g, moves features along the beams, where these are known: the
+    pattern by what it is higher there, and the board's centre besides as the pattern rotates.
     """
-    by_plane = np.zeros((2, 3))
+    by_plane, rotated = np.zeros((2, 3)), _rotation_by_plane(printed, target, edge_fit)
     if edge_fit is not None:
-        by_plane = -np.outer(edge_fit.beam, [1.0, *target.offset])
+        ((u, v),) = turned(np.array([target.offset]), printed.rotation_rad)
+        by_plane = np.outer([v, -u], rotated) - np.outer(edge_fit.beam, [1.0, u, v])
     return CentreEstimate(
         method="pattern",
         centre_m=printed.centre_m,
@@ -226,7 +228,7 @@ def _by_pattern(
             period_rad=target.print_period_rad,
             noise=printed.rotation_noise,
             model_rad2=0.0,
-            by_plane=_rotation_by_plane(printed, target, edge_fit),
+            by_plane=rotated,
         ),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,11 +12,14 @@ from scipy import stats
 from tests.support.plates import found, in_target
 from tests.support.printing import brightness, setup_of
 from tests.support.scenes import Setup, make
+from wheelplane.centre.locate_centre import _by_pattern
 from wheelplane.centre.pattern.detect import find_circles, find_corners, find_markers
+from wheelplane.centre.pattern.fit_pattern import PatternFit
 from wheelplane.centre.pattern.image import target_image
 from wheelplane.centre.pattern.pose import rigid
 from wheelplane.errors import NotMeasuredError
 from wheelplane.targets.registry import load_target, parse_target
+from wheelplane.vectors import turned
 
 CIRCLES, BOARD = load_target("pattern-circles"), load_target("pattern-checkerboard")
 MARKERS = load_target("pattern-aruco")
@@ -77,6 +81,25 @@ def test_print_off_the_middle_and_turned_is_found_where_the_file_has_it(name, ba
     result = found(cloud, target, 2)
     assert np.linalg.norm(by(result, cloud, "pattern").error_m) < 1e-4
     assert result.fitted.method == "combined"
+
+
+@pytest.mark.parametrize("turn", [0.03, 2.0, np.pi])
+def test_a_wrong_plane_moves_the_print_and_the_board_about_it(turn):
+    """Features lie where their beams meet the plane: to first order, as when they are fitted so."""
+    target = changed(BOARD, width=None, height=None, diameter=0.6, offset=[0.06, -0.02])
+    beam, local = np.array([0.5, -0.2]), target.places_m
+    exact = PatternFit(
+        np.zeros(2), turn, 1e-10 * np.eye(2), 20.0, 1e-5, 35, 35, (), None, np.zeros(3)
+    )
+    found = _by_pattern(exact, target, SimpleNamespace(beam=beam))
+    places, slopes = turned(local, turn), []
+    for height, *tilt in 1e-6 * np.eye(3):
+        centre, rotation = rigid(local, places - np.outer(height + places @ tilt, beam))
+        rotated = np.remainder(rotation - turn + np.pi, 2.0 * np.pi) - np.pi
+        slopes.append([*(centre / 1e-6), rotated / 1e-6])
+    expected = np.array(slopes).T
+    np.testing.assert_allclose(found.by_plane, expected[:2], atol=1e-5)
+    np.testing.assert_allclose(found.rotation.by_plane, expected[2], atol=1e-5)
 
 
 @pytest.mark.parametrize("name", FIRST_OR_SLOW)
