@@ -561,8 +561,8 @@ def _converge(
         background = problem.background(state)
     length, before, follows, last_m = 1.0, np.zeros(2), False, math.inf
     for iteration in range(1, most + 1):
-        looks = 1 < iteration <= OWN_LOOKS and last_m > OWN_M if own else iteration in LOOKS
-        if looks and (own or not consistent):
+        looks = own and 1 < iteration <= OWN_LOOKS and last_m > OWN_M
+        if looks or (not consistent and iteration in LOOKS):
             background = problem.background(state)
         elif follows:
             background = problem.compared(background, state)
