@@ -33,6 +33,7 @@ from wheelplane.centre.edge.edge_residuals import (
     ZONE_LOG,
     EdgeProblem,
     Zones,
+    _inverse,
     equations,
     spread,
 )
@@ -732,3 +733,34 @@ def test_an_edge_with_next_to_no_background_is_none(seed):
     uvw = uvw[(x_m < 0.002) | (rng.random(len(x_m)) < 0.01)]
     begin = aimed(uvw, DISC, 0.012, CONFIG, (state[CENTRE], 0.0), np.array([-0.7, 0.4, 1.8]))
     assert fit_edge(uvw, DISC, 0.012, SIGMA_M, CONFIG, begin) is None
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e20])
+def test_an_information_that_is_singular_to_rounding_has_a_step(scale):
+    """As of beams that come from one point, far from a solution."""
+    one = np.array([[1.0, 1.0], [1.0, 1.0 - 2e-16]]) * np.sqrt(np.outer([scale, 1.0], [scale, 1.0]))
+    inverse = _inverse(one, one)
+    assert np.isfinite(inverse).all()
+    np.testing.assert_allclose(inverse, inverse.T, rtol=1e-6)
+    regular = one + np.diag(np.diag(one))
+    np.testing.assert_allclose(_inverse(regular, regular) @ regular, np.eye(2), atol=1e-6)
+
+
+def test_a_fit_that_goes_astray_before_its_own_background_keeps_the_others(monkeypatch):
+    """It would be that of another edge, or of none."""
+    problem = problem_of()
+    near = np.zeros(STATE)
+    found = Solution(near, Zones.alike(), SimpleNamespace(kept=True), ended(), 3, 1e-9)
+    tried = []
+
+    def converge(about, state, zones, most, consistent, background=None, own=False):
+        tried.append((own, background))
+        return replace(found, last_m=math.inf if own else 1e-9)
+
+    monkeypatch.setattr(mixed_fit, "_converge", converge)
+    assert mixed_fit._near(problem, found, 40).converged
+    assert tried == [(True, None), (False, found.background)]
+    far = near.copy()
+    far[1] = -2.0 * mixed_fit.ASTRAY_M
+    assert mixed_fit._is_astray(far, near)
+    assert not mixed_fit._is_astray(0.4 * far, near)

@@ -58,6 +58,7 @@ LEAST_DOF = 3.0  # of their scatter, of which a variance is finite
 MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
 SCATTERS, NODES = np.geomspace(1.0, 20.0, 200), 40  # of Gaussian residuals of few points
 GAMMA_SIGMA = 3.0  # of the power of intensities by which backgrounds are bright (k = 1)
+SINGULAR = 1e-9  # of each parameter's information, added where rounding has left none
 RANK = 1e-3  # of zones' information: what the other parameters leave of it, if anything
 
 
@@ -596,7 +597,7 @@ def _squares(
     share H of a sector in the information, its equations are taken over sqrt(1 - H).
     Source: Bell and McCaffrey, Survey Methodology 28 (2002) 169.
     """
-    factor = np.linalg.cholesky(information)
+    factor = _cholesky(information)
     order = np.argsort(part, kind="stable")
     starts = np.searchsorted(part[order], np.arange(1, SECTORS))
     total = np.zeros_like(information)
@@ -616,10 +617,19 @@ def _inverse(change: Array, information: Array) -> Array:
     By chance residuals where Tukey's influence falls may take almost all of the information in one
     direction, of which LEAST_CHANGE is kept.
     """
-    factor = np.linalg.inv(np.linalg.cholesky(information))
+    factor = np.linalg.inv(_cholesky(information))
     values, vectors = np.linalg.eigh(factor @ change @ factor.T)
     turned = vectors.T @ factor
     return np.asarray(turned.T / np.maximum(values, LEAST_CHANGE) @ turned)
+
+
+def _cholesky(information: Array) -> Array:
+    """Return the factor of an information, which rounding may leave singular far from a fit."""
+    try:
+        factor = np.linalg.cholesky(information)
+    except np.linalg.LinAlgError:
+        factor = np.linalg.cholesky(information + SINGULAR * np.diag(np.diag(information)))
+    return np.asarray(factor)
 
 
 def robust_weight(square: Array, converged: bool) -> tuple[Array, Array]:

@@ -401,7 +401,7 @@ def _near(problem: EdgeProblem, found: Solution, most: int) -> Solution:
     """
     about = problem.about(found.state)
     again = _converge(about, found.state, found.zones, most, True, own=True)
-    if not again.converged or float(np.abs((again.state - found.state)[CENTRE]).max()) > ASTRAY_M:
+    if not again.converged:
         again = _converge(about, found.state, found.zones, most, True, found.background)
     return replace(again, iterations=max(again.iterations, found.iterations))
 
@@ -531,6 +531,11 @@ def _is_strange(found: Solution, prior: Prior) -> bool:
     return not found.converged or off > RIDGE
 
 
+def _is_astray(state: Array, begun: Array) -> bool:
+    """Return whether a state is farther from where a fit began than one near it."""
+    return float(np.abs((state - begun)[CENTRE]).max()) > ASTRAY_M
+
+
 def _diverged(state: Array, first: Array, prior: Prior) -> bool:
     """Return whether a state is far from the first one, and farther from the prior."""
     far = float(np.abs(state[SPOT:ROTATION] - first[SPOT:ROTATION]).max()) > RIDGE
@@ -550,7 +555,7 @@ def _converge(
     """Iterate steps, Newton's near a solution, until the centre converges.
 
     consistent: with slopes at the profile's depth; a first fit has others, and ROUGH_POINTS.
-    background: None: by a new look-up. own: before that of its solution.
+    background: None: by a new look-up. own: before that of its solution, unless it goes astray.
     """
     ends_m = STEP_M if consistent else ROUGH_M
     if not consistent:
@@ -559,7 +564,7 @@ def _converge(
         ends_m = NEAR_STEP_M
     if background is None:
         background = problem.background(state)
-    length, before, follows, last_m = 1.0, np.zeros(2), False, math.inf
+    length, before, follows, last_m, begun = 1.0, np.zeros(2), False, math.inf, state
     for iteration in range(1, most + 1):
         looks = own and 1 < iteration <= OWN_LOOKS and last_m > OWN_M
         if looks or (not consistent and iteration in LOOKS):
@@ -574,6 +579,8 @@ def _converge(
         before = moved[CENTRE]
         follows = problem.few or abs(float(moved[GROWTH])) > FAR_M
         state = state + length * moved
+        if own and _is_astray(state, begun):
+            return Solution(state, zones, background, linear, iteration, math.inf)
         last_m = float(np.abs(moved[CENTRE]).max())
         near = last_m < ends_m and abs(moved[MODULATION]) < NEAR_MODULATION
         if near and (consistent or iteration > max(LOOKS)):
