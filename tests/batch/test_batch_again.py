@@ -95,7 +95,7 @@ def test_a_shard_ends_as_often_as_it_is_repeated_by_what_its_captures_are(tmp_pa
 
 @pytest.mark.parametrize("is_changed", [False, True])
 def test_a_capture_has_one_result_also_after_a_kill(tmp_path, monkeypatch, is_changed):
-    """Of changed captures and of changed settings, the earlier result goes as the new one comes."""
+    """An earlier result, by another capture or other settings, goes as the new one comes."""
     archive, results = archive_of(tmp_path / "archive", 4), tmp_path / "results"
     assert run(archive, results, "--workers", "1").returncode == 0
     before = {tree["batch"]["key"] for tree in trees(results).values()}

@@ -81,7 +81,7 @@ def test_no_report_of_an_earlier_measurement_stays_beside_a_new_one(tmp_path):
 
 
 def test_an_earlier_measurement_is_not_written_over(wheelplane, tmp_path):
-    """What was before would be lost; refused before anything is measured."""
+    """The earlier measurement would be lost; refused before anything is measured."""
     earlier = tmp_path / "measurement.json"
     earlier.write_text(to_json(measured(1)))
     (tmp_path / "same").symlink_to(tmp_path)

@@ -377,7 +377,7 @@ def test_the_command_writes_pictures_although_the_measurement_fails(doubled, tmp
 
 
 def test_no_picture_of_an_earlier_explanation_stays_beside_a_new_one(tmp_path):
-    """Of scans that are not there any more; before there is an explanation, nothing is removed."""
+    """They are of scans that are gone; before there is an explanation, nothing is removed."""
     scan = ExplainedScan("FL", "reference", "fl.ply", "not-read", "", 0, np.zeros((0, 3)), None)
     found, words = Explanation("car", "", "m", (scan,)), load_translations("en")
     others = {"best-1.png", "candidates-RR.png"}

@@ -37,7 +37,7 @@ def test_a_saved_measurement_is_opened_with_the_same_values(saved):
 
 
 def test_an_opened_measurement_keeps_the_folder_that_it_is_from(saved, tmp_path, monkeypatch):
-    """What only the points show, noise and pictures, would be lost there."""
+    """Noise and pictures, which only the points show, would be lost there."""
     folder, _ = saved
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     assert "target-RR.png" in before

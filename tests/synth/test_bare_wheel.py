@@ -65,7 +65,7 @@ def test_a_tyre_too_low_for_its_rim_is_refused():
 
 
 def test_a_real_wheel_is_as_bright_as_the_scanner_file_states(tmp_path, monkeypatch):
-    """Of black tyres on a black floor no light returns; from the car's other parts it does."""
+    """Black tyres on a black floor return no light; the car's other parts do."""
     for ring in ("tyre", "rim"):  # coarse, which changes no albedo
         monkeypatch.setattr(f"wheelplane_synth.wheel.{ring}.SECTIONS", 60)
     values = {"grid.spacing_m": 0.04, "surfaces": {"tyre": 0.0, "floor": 0.0}}

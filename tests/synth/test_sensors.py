@@ -119,7 +119,7 @@ def test_such_a_sensor_s_noise_is_alike_over_the_stated_lengths(kind, aspect):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_such_a_sensor_s_pixels_look_aside_by_the_stated_angle(kind):
-    """Of a wall 45 degrees aside the range changes by the distance times the angle."""
+    """The range of a wall 45 degrees aside changes by the distance times the angle."""
     angle_rad, scans = 2e-4, []
     scene = half_planes(deep_m=0.0, tilt_rad=np.pi / 4)
     aside = of_spot(0.0).model_copy(update={"angle_sigma_urad": 1e6 * angle_rad})

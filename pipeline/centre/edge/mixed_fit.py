@@ -531,9 +531,9 @@ def _is_strange(found: Solution, prior: Prior) -> bool:
     return not found.converged or off > RIDGE
 
 
-def _is_astray(state: Array, begun: Array) -> bool:
+def _is_astray(state: Array, start: Array) -> bool:
     """Return whether a state is farther from where a fit began than one near it."""
-    return float(np.abs((state - begun)[CENTRE]).max()) > ASTRAY_M
+    return float(np.abs((state - start)[CENTRE]).max()) > ASTRAY_M
 
 
 def _diverged(state: Array, first: Array, prior: Prior) -> bool:
@@ -564,7 +564,7 @@ def _converge(
         ends_m = NEAR_STEP_M
     if background is None:
         background = problem.background(state)
-    length, before, follows, last_m, begun = 1.0, np.zeros(2), False, math.inf, state
+    length, before, follows, last_m, start = 1.0, np.zeros(2), False, math.inf, state
     for iteration in range(1, most + 1):
         looks = own and 1 < iteration <= OWN_LOOKS and last_m > OWN_M
         if looks or (not consistent and iteration in LOOKS):
@@ -579,7 +579,7 @@ def _converge(
         before = moved[CENTRE]
         follows = problem.few or abs(float(moved[GROWTH])) > FAR_M
         state = state + length * moved
-        if own and _is_astray(state, begun):
+        if own and _is_astray(state, start):
             return Solution(state, zones, background, linear, iteration, math.inf)
         last_m = float(np.abs(moved[CENTRE]).max())
         near = last_m < ends_m and abs(moved[MODULATION]) < NEAR_MODULATION

@@ -34,7 +34,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Listing:
-    """What can be opened in a folder; is_cut: whether more is in it than MOST_LISTED, the first."""
+    """Entries of a folder to open; is_cut: whether more are in it than MOST_LISTED, the first."""
 
     items: list[Item]
     is_cut: bool
