@@ -568,21 +568,30 @@ def read_changed(**changes: object) -> Record:
 
 
 @pytest.mark.parametrize(
-    ("kind", "points", "total"),
+    ("kind", "files", "points", "total"),
     [
-        ("cloud", [5, 9, 7], 9),
-        ("scans", [5, 9, 7], 21),
-        ("cloud", [None, 3], 3),
-        ("scans", [None, 3], 3),
-        ("scans", [0, 1], 1),
-        ("cloud", [], 0),
-        ("scans", [], 0),
-        ("scans", [2**53 - 1, 1], 2**53),
+        ("cloud", "aaa", [5, 9, 7], 9),
+        ("cloud", ["a: 1", "a: 2", "b"], [5, 5, 7], 12),
+        ("folder", "abc", [5, 9, 7], 21),
+        ("folder", ["a", "b", "a"], [5, 9, 5], 14),
+        ("folder", ["a: 1", "a: 2"], [5, 9], 14),
+        ("five-point", "aaa", [5, 5, 5], 15),
+        ("cloud", "aa", [None, 3], 3),
+        ("folder", "ab", [None, 3], 3),
+        ("folder", "ab", [0, 1], 1),
+        ("cloud", "", [], 0),
+        ("folder", "", [], 0),
+        ("folder", "ab", [2**53 - 1, 1], 2**53),
     ],
 )
-def test_points_of_one_cloud_count_once(kind, points, total):
+def test_points_of_a_scan_count_once(kind, files, points, total):
+    """Those of a cloud of all wheels, and those of a scan of a wheel and of its run-out."""
     batch = result("one")["batch"] | {"kind": kind}
-    record = read_changed(wheels=[{"points_total": count} for count in points], batch=batch)
+    wheels = [
+        {"name": f"{k}", "file": file, "points_total": count}
+        for k, (file, count) in enumerate(zip(files, points, strict=True))
+    ]
+    record = read_changed(wheels=wheels, batch=batch)
     assert (record.capture.points_total, record.capture.status) == (total, "ok")
 
 
@@ -596,7 +605,10 @@ def test_points_of_one_cloud_count_once(kind, points, total):
         ({"wheels": [{"toe_deg": True}]}, "`toe_deg` is True, not a number"),
         ({"wheels": [{"points_total": -1}]}, "`points_total` is -1, no number of points"),
         ({"wheels": [{"points_total": 2**53}]}, "no number of points"),
-        ({"wheels": 2 * [{"points_total": 2**53 - 1}]}, f"hold {2**54 - 2} points"),
+        (
+            {"wheels": [{"name": name, "points_total": 2**53 - 1} for name in "ab"]},
+            f"hold {2**54 - 2} points",
+        ),
         ({"capture": 7}, "`capture` is 7, not text"),
         ({"doubts": 5}, "`doubts` is not a list of objects"),
         ({"doubts": {"trial": None}}, "`doubts` is not a list of objects"),

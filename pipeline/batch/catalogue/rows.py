@@ -177,7 +177,7 @@ def _record(blank: CaptureRow, sections: list[Any]) -> Record:
         reason=_text(batch, "reason"),
         wheels=len(rows),
         wheels_ok=sum(row.toe_deg is not None for row in rows),
-        points_total=_points(wheels, of_cloud=batch.get("kind") == "cloud"),
+        points_total=_points(wheels, _text(batch, "kind")),
         version=_text({"version": version}, "version"),
         config_sha256=_text(batch, "config_sha256"),
         vertical=(_text({"vertical": vertical}, "vertical") or WHEELS) if rows else "",
@@ -227,10 +227,15 @@ def _is_doubted(doubts: Any) -> bool:
     return any(one.get("trial") is None for one in doubts)
 
 
-def _points(wheels: list[Any], of_cloud: bool) -> int:
-    """Return the points of all scans; those of one cloud, stated by each wheel, count once."""
-    stated = [_count(wheel, "points_total") or 0 for wheel in wheels]
-    total = max(stated, default=0) if of_cloud else sum(stated)
+def _points(wheels: list[Any], kind: str) -> int:
+    """Return the number of points read: a scan of a wheel and of its run-out counts once."""
+    by_scan: dict[str, int] = {}
+    for wheel in wheels:
+        scan = _text(wheel, "name" if kind == "five-point" else "file")
+        if kind == "cloud":
+            scan = scan.partition(": ")[0]
+        by_scan[scan] = max(by_scan.get(scan, 0), _count(wheel, "points_total") or 0)
+    total = sum(by_scan.values())
     if total > MOST_POINTS:
         raise _DamagedError(f"its scans hold {total} points")
     return total

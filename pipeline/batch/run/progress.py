@@ -57,7 +57,7 @@ class ProgressLines:
         """Take the numbers of captures done before and to be done now, and their seconds."""
         self._todo, self._started_s = todo, time.monotonic()
         self._expected_s = expected_s
-        self._print(f"{known + todo} captures: {known} done before, {todo} to do")
+        self._print(f"captures: {known} done before, {todo} to do now")
 
     def finished(self, done: CompletedCapture) -> None:
         """Take one more finished capture."""

@@ -78,6 +78,8 @@ class Batch:
             )
         most = todo if limit is None else min(todo, limit)
         self._listener.planned(self.counts.known, most, self._index.expected_s(most))
+        if most < todo:
+            self._listener.note(f"{todo - most} more remain: repeat the command to measure them")
         with self.updating_catalogue():
             self.measure(islice(self.pending(captures), limit and most) if todo else ())
         return self.counts
