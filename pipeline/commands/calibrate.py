@@ -30,12 +30,13 @@ from ..errors import InputError, MissingDependencyError
 from ..five_point import FivePointFile, Station, measure_five_point, read_five_point
 from ..measure import measure_capture
 from ..measurement import Measurement, VerticalKind
+from ..report.certificate import FORMS
 from ..report.format.view import DigitStyle, View
 from ..report.json.calibration import calibration_json, plan_json
 from ..report.json.stored import read_measurement, record_of
 from ..report.text.calibration import calibration_text
 from ..report.text.calibration_plan import plan_text
-from ..report.write import write_files
+from ..report.write import write_files, write_result
 from ..targets import load_target
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import REFERENCE_WHEELS
@@ -271,7 +272,7 @@ def calibrate(
     if output:
         files |= issuing.files(found, opening.config, view, record)
         keep_signed(output, files)
-    written = write_files(output, files) if output else []
+    written = write_result(output, files, "calibration.json", FORMS) if output else []
     if as_json:
         click.echo(record, nl=False)
     else:

@@ -13,7 +13,7 @@ import click
 from ..calibration import Calibration, issue, load_certificate
 from ..config import Config
 from ..errors import InputError
-from ..report.certificate import certificate_files
+from ..report.certificate import FORMS, certificate_files
 from ..report.format.view import View
 from ..report.signature import read_private_key, signature_of
 from ..report.write import ReportFiles
@@ -103,12 +103,15 @@ class CertificateOptions:
 
 
 def keep_signed(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Raise InputError where a file that is signed would be replaced by one that is not."""
-    for name in files:
+    """Raise InputError where files that are not signed would replace one that is, or leave it.
+
+    A form of the certificate that is not among `files` would stay as that of these.
+    """
+    for name in {**files, **dict.fromkeys(FORMS)}:
         if f"{name}.sig" not in files and (folder / f"{name}.sig").exists():
             raise InputError(
-                f"{folder / name}: is signed, and would be replaced by one that is not: give "
-                f"another folder, or --sign; or remove {name}.sig"
+                f"{folder / name}: is signed, and would be replaced by one that is not, or removed: "
+                f"give another folder, or all its forms and --sign; or remove {name}.sig"
             )
 
 

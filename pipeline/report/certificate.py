@@ -9,6 +9,8 @@ from .format.writer import MINUS, Writer
 from .html.certificate import certificate_document
 from .write import ReportFiles, document_files
 
+FORMS = ("certificate.html", "certificate.pdf", "certificate.xml")
+
 
 def certificate_files(
     made: Certificate, record: str, options: ReportOptions, wanted: ReportFiles, dcc: bool = False

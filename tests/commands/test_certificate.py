@@ -169,6 +169,19 @@ def test_what_is_signed_is_not_replaced_by_what_is_not(keys, tmp_path):
     assert "DRAFT" in page.read_text()
 
 
+def test_no_certificate_of_an_earlier_calibration_stays_beside_another(keys, tmp_path):
+    """Signed, it is kept: the command is refused."""
+    issued(keys, "-o", tmp_path, "--dcc")
+    issued(keys, "-o", tmp_path, "--no-html", stated=False)
+    assert not list(tmp_path.glob("certificate.*"))
+    signing = ("--sign", keys / "own.key")
+    issued(keys, "-o", tmp_path, "--dcc", *signing, text="open\n")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(InputError, match=r"certificate\.xml: is signed, and would be .* removed"):
+        issued(keys, "-o", tmp_path, *signing, text="open\n")
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_verify_lists_what_a_schema_does_not_allow(bay, tmp_path):
     pytest.importorskip("lxml")
     (tmp_path / "dcc.xsd").write_text(
