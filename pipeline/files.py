@@ -16,13 +16,13 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from io import BufferedIOBase, FileIO
 from itertools import islice
 from pathlib import Path
 from typing import IO
 
 from .errors import InputError, remedy_of
+from .system import frozen
 
 MAX_UNPACKED_BYTES = 64 * 2**30
 MAX_RATIO = 200  # the unpacked of the packed size: text of `0 0 0 0.5` packs to a 300th, ...
@@ -65,7 +65,7 @@ _FAULTS = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class Member:
     """A file in an archive: its name as written there, and its unpacked size in bytes."""
 

@@ -6,10 +6,10 @@ Source: AIAG, Measurement Systems Analysis, 4th edition (2010), chapter III-B an
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..system import frozen
 from ..uncertainty import f_beyond
 from ..vectors import Array
 
@@ -17,7 +17,7 @@ ALPHA = 0.05  # below which the interaction is kept apart from the equipment
 DISTINCT = 1.41  # sqrt(2): half width of a 97 % interval of GRR, in parts' deviations
 
 
-@dataclass(frozen=True)
+@frozen
 class AnovaRow:
     """One source of variation: degrees of freedom, sum and mean of squares, F over equipment."""
 
@@ -29,7 +29,7 @@ class AnovaRow:
     p: float | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class GaugeRR:
     """Variance components, as standard deviations, of parts, appraisers and equipment.
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Callable, Set
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..measurement import Estimate, estimate
+from ..system import frozen
 from ..uncertainty import Effect, power_of_t
 from ..vehicle import Unit
 from .forms.item import Item
@@ -35,7 +36,7 @@ MOST_REPEATS, MOST_TRIALS = 200, 40
 NewReference = Callable[[int], Reference]  # by the number of trials
 
 
-@dataclass(frozen=True)
+@frozen
 class Detection:
     """An error to be detected, its estimate's u, and the power of the test at 95 % confidence.
 
@@ -55,7 +56,7 @@ class Detection:
         return self.known.expanded
 
 
-@dataclass(frozen=True)
+@frozen
 class QuantityPlan:
     """Expected uncertainties of one quantity; radians or metres.
 
@@ -81,7 +82,7 @@ class QuantityPlan:
     u_reference: float | None
 
 
-@dataclass(frozen=True)
+@frozen
 class CalibrationPlan:
     """Plan of all quantities; places: wheel, toe and camber of each trial, where it is free."""
 
@@ -149,7 +150,7 @@ def _quantity(
     )
 
 
-@dataclass(frozen=True)
+@frozen
 class PlannedSet:
     """Estimates, without their values, that a set of points and readings gives."""
 

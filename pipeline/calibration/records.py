@@ -7,11 +7,11 @@ them; an error is reading less reference.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 from ..errors import Doubt
 from ..measurement import Estimate, Provenance, Verdict, VerticalKind
+from ..system import frozen
 from ..vehicle import Unit
 from .forms.item import DecisionRule, Item, ItemQuantity
 from .forms.readings import Readings, State
@@ -21,7 +21,7 @@ Origin = Literal["reference", "readings"]
 Decision = Literal["conform", "undecided", "not conform"]
 
 
-@dataclass(frozen=True)
+@frozen
 class Contribution:
     """One line of the budget of an error: standard uncertainty and degrees of freedom."""
 
@@ -31,7 +31,7 @@ class Contribution:
     dof: float
 
 
-@dataclass(frozen=True)
+@frozen
 class DirectionMean:
     """Mean reading of one direction of approach, "" where none is stated, and its number."""
 
@@ -40,7 +40,7 @@ class DirectionMean:
     n: int
 
 
-@dataclass(frozen=True)
+@frozen
 class CalibrationPoint:
     """One quantity at one point, as found or as left.
 
@@ -72,7 +72,7 @@ class CalibrationPoint:
     doubts: tuple[Doubt, ...] = ()
 
 
-@dataclass(frozen=True)
+@frozen
 class Characteristic:
     """Straight line reading = zero error + sensitivity * reference, fitted to all points.
 
@@ -88,7 +88,7 @@ class Characteristic:
     fits: float | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class QuantityResult:
     """All points of one quantity in one state, and what they show of the machine.
 
@@ -128,7 +128,7 @@ class QuantityResult:
         return worst(self.points)
 
 
-@dataclass(frozen=True)
+@frozen
 class Adjustment:
     """Change of one point by the adjustment: error as left less error as found.
 
@@ -144,7 +144,7 @@ class Adjustment:
     change: Estimate
 
 
-@dataclass(frozen=True)
+@frozen
 class ReferenceRecord:
     """Origin of the reference values of a series; all series where series is None."""
 
@@ -152,7 +152,7 @@ class ReferenceRecord:
     provenance: Provenance
 
 
-@dataclass(frozen=True)
+@frozen
 class Calibration:
     """Calibration of one item: input, results, decision and what was noticed.
 

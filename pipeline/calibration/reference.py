@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from ..measurement import (
     toe_out_at,
     weighted_sum,
 )
+from ..system import frozen
 from ..uncertainty import Effect, effects_of
 from ..vectors import Array
 from ..vehicle import VEHICLE, WHEEL, linearise, named
@@ -41,7 +42,7 @@ class Quantities(dict[str, Estimate]):
         return self[name]
 
 
-@dataclass(frozen=True)
+@frozen
 class Reference:
     """A measurement as the reference of one series; of all where series is None."""
 

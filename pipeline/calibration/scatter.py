@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ..system import frozen
 from ..uncertainty import Effect, f_beyond, quantile
 from ..vectors import Array, Mask
 
@@ -23,7 +24,7 @@ WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
 Factors = tuple[tuple[int, ...], ...]
 
 
-@dataclass(frozen=True)
+@frozen
 class Between:
     """Mean squares of P points by L levels, per cell mean: of levels, and of point by level."""
 
@@ -32,7 +33,7 @@ class Between:
     rest: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Scatter:
     """Errors of indication of P points, L levels, D directions, n readings each.
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import Doubt
 from ..measurement import Estimate
+from ..system import frozen
 from ..uncertainty import quantile
 from ..vectors import Array, Mask, Rows
 from .conventions import FAR_BETTER, size_text
@@ -33,7 +33,7 @@ GAIN = 0.1  # standard uncertainty of a slope that few points do not show
 WRONG = 4  # of as many other points, one may be wrong as well
 
 
-@dataclass(frozen=True)
+@frozen
 class _Slip:
     """Points whose readings fit otherwise.
 
@@ -123,7 +123,7 @@ def _better(
         yield _Slip(tuple(points.tolist()), _rms(declared), _rms(found), misfit)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Line:
     """Line of errors over references that a part of wrong points does not move, and its scatter.
 

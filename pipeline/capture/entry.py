@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Literal
 
 from ..files import sha256, sha256_of
 from ..readers import ReadOptions, Scan, read_scan
-from ..system import stage
+from ..system import frozen, stage
 
 Role = Literal["reference", "trial", "sweep", "runout", "vehicle"]
 
 
-@dataclass(frozen=True)
+@frozen
 class Turn:
     """Stated position of a wheel in a scan of a sweep or a run-out.
 
@@ -28,7 +28,7 @@ class Turn:
     u_rad: float | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class ScanEntry:
     """One scan: its name in the result, its role, its wheel if named, its file.
 

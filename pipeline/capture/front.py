@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InputError
+from ..system import frozen
 from ..units import in_metres
 from ..vectors import Array
 
@@ -18,7 +18,7 @@ MIN_AHEAD = 0.25  # of half the wheelbase: least distance of a point from the mi
 FAR_M = 10.0  # largest distance of a point from the nearer axle
 
 
-@dataclass(frozen=True)
+@frozen
 class Front:
     """The front in the cloud's coordinates; note: the option and value, as the user wrote them.
 

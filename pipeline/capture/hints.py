@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InputError, Wording
+from ..system import frozen
 from ..units import in_metres
 from ..vectors import Array, Mask
 from ..vehicle import REFERENCE_WHEELS
@@ -28,7 +28,7 @@ REGION = (
 REASONED = "{choice} ({reason})"
 
 
-@dataclass(frozen=True)
+@frozen
 class Hint:
     """Decision on one scan, or on one wheel in a cloud of all.
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from ..errors import InputError
 from ..readers import AS_THE_FILE_SAYS, ReadOptions
+from ..system import frozen
 from ..targets import Target, TargetChoice
 from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS
@@ -30,7 +31,7 @@ from .mounted import targets_of
 from .vertical import StatedVertical, stated_verticals
 
 
-@dataclass(frozen=True)
+@frozen
 class Capture:
     """A capture, ready to be read: entries are RR, RL, FR, FL, the trials, sweeps, run-outs.
 
@@ -84,7 +85,7 @@ class Capture:
         return self.source if bare else f"{self.source}: {entry.file}"
 
 
-@dataclass(frozen=True)
+@frozen
 class CaptureOptions:
     """Command-line overrides of capture.toml.
 
@@ -108,7 +109,7 @@ class CaptureOptions:
 NO_OPTIONS = CaptureOptions()
 
 
-@dataclass(frozen=True)
+@frozen
 class _Opened:
     """Declaration of a capture, its name in messages, its folder, its scans, and their limit."""
 
@@ -165,7 +166,7 @@ def open_capture(
         )
 
 
-@dataclass(frozen=True)
+@frozen
 class Entries:
     """The scans of a capture, and how they are read."""
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import InputError
 from ..readers import Scan
+from ..system import frozen
 from ..vectors import Array, Mask
 from .hints import Hint
 
 
-@dataclass(frozen=True)
+@frozen
 class Searched:
     """A scan as it is measured, and the points among which its target is searched.
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Literal
 
 from ..errors import InputError
+from ..system import frozen
 from .declaration import CaptureFile
 
 SENSES: dict[Literal["floor", "gravity"], tuple[float, str]] = {
@@ -15,7 +15,7 @@ SENSES: dict[Literal["floor", "gravity"], tuple[float, str]] = {
 }
 
 
-@dataclass(frozen=True)
+@frozen
 class StatedVertical:
     """A direction up, (3,) unit, scan coordinates, with u (k = 1) about each axis across it.
 

@@ -11,13 +11,13 @@ inverse distance of the scanner, which points farther and farther off the plane 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from ..cloud import scattered
 from ..plane import nearest, strong_waves
+from ..system import frozen
 from ..vectors import Array, Mask, Rows
 from .layers import alike
 
@@ -48,7 +48,7 @@ LEAST_SD = 0.01  # of a step
 OWN, LEAST_WITHIN = 4.5, 0.03  # of their median; steps: how far off a grid its own points lie
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class BeamGrid:
     """Grid of a scanner's beams on a plane.
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..uncertainty import f_beyond, least_squares, scatter_beyond
 from ..vectors import Array
 from .in_plane_rotation import PlaneRotation, combined_rotation
@@ -21,7 +22,7 @@ DISAGREE = 1e-4  # probability of a difference as large, below which two centres
 UNLIKELY = 0.05  # the same, below which what they differ by is in their uncertainties
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class CentreEstimate:
     """Centre by one method, in the plane's coordinates.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from ..config import CentreConfig
 from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..targets import Holes, Outline, Polygon, Target, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
@@ -93,7 +94,7 @@ BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: large
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
 
-@dataclass(frozen=True)
+@frozen
 class EdgeCentre:
     """Centre from one outline, in-plane rotation of the target's axes, edge fit if there is one."""
 

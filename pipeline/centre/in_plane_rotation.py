@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 
 RotationMark = Literal["edges", "print"]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class PlaneRotation:
     """Rotation of a target's axes against those of a plane, by one method.
 
@@ -47,7 +47,7 @@ class PlaneRotation:
         return InPlaneRotation(self.mark, c * basis[0] + s * basis[1], self.period_rad)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class InPlaneRotation:
     """Axis u of a target in the scan (3,), unit, known up to a rotation by period_rad.
 

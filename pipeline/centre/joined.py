@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..config import InstrumentConfig
+from ..system import frozen
 from ..uncertainty import UncertaintyComponent, chi_square_beyond
 from ..vectors import Array, plane_basis
 from .locate_centre import StationSpread, TargetFit
@@ -77,7 +78,7 @@ def joined(fits: Sequence[TargetFit], instrument: InstrumentConfig) -> TargetFit
     )
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Scatter:
     """Scatter of the fits' tilts, or of their positions along the normal or in the plane.
 

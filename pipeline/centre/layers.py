@@ -9,10 +9,10 @@ another surface in front is a layer beside the face, not within it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Rows
 
 BINS, MOST_BINS = 50, 5000  # between the outer twentieths of the heights; between all
@@ -28,7 +28,7 @@ A_CELL = (3.0, 40.0)  # points, of which pairs are compared: neighbours, and oth
 MIXED = 0.15  # how far points beside each other are of one layer: 0 at random, 1 of parts of a face
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Layers:
     """Layers of a face. plane: (3,) height and slopes; cuts_m: (K - 1,) between them, above it."""
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
-from ..system import stage
+from ..system import frozen, stage
 from ..targets import PatternTarget, Target
 from ..uncertainty import UncertaintyComponent, centre_component, plane_component
 from ..vectors import Array, turned
@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # imported for boards alone
 EDGE_SHIFT = 0.6  # of s sqrt(s / R) along an axis, s^2 / R across: shift of a centre by its edge
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class OtherCentre:
     """Centre by one of several methods: centre_m (3,) scanner frame."""
 
@@ -35,7 +35,7 @@ class OtherCentre:
     centre_covariance_m2: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class StationSpread:
     """Stations whose fits of one target were joined, and the largest differences between them.
 
@@ -50,7 +50,7 @@ class StationSpread:
     share: float
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class TargetFit:
     """A measured target: its plane and its centre, in scanner coordinates.
 

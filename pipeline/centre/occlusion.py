@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 
 from ..cloud import load_opencv, sample
 from ..plane import Patch
+from ..system import frozen
 from ..vectors import Array, Array32, Mask
 from .edge.beam_direction import directions
 from .target_view import TargetView
@@ -30,7 +30,7 @@ COVERED = 0.2  # of what is not seen: less is covered by chance
 NEIGHBOURS = np.array([(a, b) for a in (0.0, -1.0, 1.0) for b in (0.0, -1.0, 1.0)])
 
 
-@dataclass(frozen=True)
+@frozen
 class Raster:
     """Square cells of a plane about its origin."""
 
@@ -67,7 +67,7 @@ class Raster:
         return np.where(within, row * self.across + column, 0.0).astype(np.int64), within
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Visibility:
     """Points of a target in cells of 2.5 times their spacing, counts (across, across).
 

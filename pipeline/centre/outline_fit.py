@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..targets import Outline, sector
 from ..vectors import Array, turned
 from .edge.beams import ROTATION_RAD
@@ -28,7 +29,7 @@ STEP_M = 1e-9
 MAX_STEPS, MAX_LOOKS = 60, 20
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class OutlineFit:
     """An outline through the outermost points of a target: centre_m (2,), covariance_m2 (2, 2).
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy.typing as npt
 from ..cloud import sample_rows, thin
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
+from ..system import frozen
 from ..targets import Outline, Target
 from ..vectors import Array, Array32, Rows, in_axes, turned
 from .edge.edge_intensity import face_light, relative_to_face
@@ -22,7 +22,7 @@ FACE_POINTS = 5_000  # by which its brightness is known
 BEYOND_M = 0.03  # distance outside an edge within which points may matter to it
 
 
-@dataclass(frozen=True)
+@frozen
 class TargetView:
     """Points of a scan at a target, and the plane fitted to them."""
 

@@ -9,12 +9,12 @@ it lies in one layer, each column has its point, at a place that tells nothing o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..system import frozen
 from ..vectors import Array, Rows, in_axes
 from .steps import scattered
 
@@ -46,7 +46,7 @@ INSIDE = (0.5, 99.5)  # percentiles of the depths of a face
 LEAST_SLACK = 0.05  # of a layer, by which a face may lie higher or lower in it
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class VoxelLattice:
     """Layers of cubic cells along a face, one point a cell.
 

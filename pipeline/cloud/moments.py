@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Mask, Rows
 from .compiled import kernels
 from .threads import over_chunks
@@ -13,7 +12,7 @@ from .threads import over_chunks
 SUMS = 10  # n, x, y, z, xx, xy, yy, xz, yz, zz
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class SlabMoments:
     """Moments of the points near a plane by the cells of a grid, and the points near its limits.
 

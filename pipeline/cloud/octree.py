@@ -11,12 +11,12 @@ Octree Generation for Massive Point Clouds", Computer Graphics Forum 39, 2020.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
+from ..system import frozen
 from ..vectors import Array32, Rows
 
 CODE_BITS = 16  # of each axis
@@ -31,7 +31,7 @@ _FIRST = np.array(
 )
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class NodeRows:
     """Part of a node: its depth, its cell (Morton code of `depth` bits an axis), rows of points."""
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Array32
 from .selection import sample
 
@@ -15,7 +14,7 @@ CLOSE_M, VEHICLE_M = 0.25, 6.0  # from a target: its surroundings; what may be o
 AROUND = 0.75  # beyond the wheels, relative to their distance from the middle: overhangs
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class CloudSample:
     """Scanned points: origin_m (3,), scanner frame, and offsets_m (N, 3) float32 from it."""
 

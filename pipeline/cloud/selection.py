@@ -6,12 +6,12 @@ Both do the same on chunks of one size, so that the number of threads changes no
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..system import frozen
 from ..vectors import CHUNK_ROWS, GRID_PER_M, Array, Array32, Mask, Rows, plane_basis
 from .compiled import ChunkRows, kernels
 from .threads import ROWS_PER_CHUNK, over_chunks
@@ -93,7 +93,7 @@ def thin(points_m: npt.NDArray[Any], share: float) -> Mask:
     return np.asarray(coordinate_hash(points_m) <= _hash_limit(share))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Surroundings:
     """Points relative to a target's centre: all near its plane, and those around it.
 
@@ -216,7 +216,7 @@ def nearest_points(points_m: Array, place_m: Array, count: int) -> Array:
     return np.asarray(found[least_rows(np.sum((found - place_m) ** 2, axis=1), count)])
 
 
-@dataclass(frozen=True)
+@frozen
 class Slab:
     """A disc-shaped volume about an axis along a plane's normal.
 

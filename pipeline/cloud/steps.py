@@ -6,10 +6,11 @@ text, the scale of a LAS or E57 file, or the last bit of float32, which depends 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from ..system import frozen
 from ..units import LENGTH_UNITS, in_metres
 from ..vectors import Array, Mask, Rows
 
@@ -36,7 +37,7 @@ FILLED = 0.9  # share of a raster's positions that hold a point
 WINDOW = 40.0  # steps: half the width in which that is counted
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Steps:
     """Steps of rounded coordinates: step_m (3,), 0 where exact, along axes (3, 3), rows."""
 
@@ -101,7 +102,7 @@ def level_step(values: Array, precision: float) -> float | None:
     return max(step, float(np.quantile(np.minimum(gaps[1:], gaps[:-1]), NEXT)))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Levels:
     """Values that coordinates have along each axis, and the distance to the nearest other one.
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Rows
 from .compiled import kernels
 from .moments import SUMS, sums_by
@@ -18,7 +18,7 @@ VOXEL_BITS = 21
 _WIDE = 64
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class VoxelGrid:
     """Moments of a cloud in the C voxels that hold points, in the order of their keys.
 

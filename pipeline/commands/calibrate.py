@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import get_args
@@ -37,6 +36,7 @@ from ..report.json.stored import read_measurement, record_of
 from ..report.text.calibration import calibration_text
 from ..report.text.calibration_plan import plan_text
 from ..report.write import write_files, write_result
+from ..system import frozen
 from ..targets import load_target
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import REFERENCE_WHEELS
@@ -58,7 +58,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
-@dataclass(frozen=True)
+@frozen
 class Opening:
     """How the references are read and measured."""
 

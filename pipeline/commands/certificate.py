@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import partial, wraps
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from ..report.certificate import FORMS, certificate_files
 from ..report.format.view import View
 from ..report.signature import read_private_key, signature_of
 from ..report.write import ReportFiles
+from ..system import frozen
 from .options import Command, added, language_option
 from .reporting import report_options
 
@@ -57,7 +58,7 @@ OPTIONS = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class CertificateOptions:
     """How the certificate is written; config: of who issues it."""
 
@@ -110,8 +111,8 @@ def keep_signed(folder: Path, files: Mapping[str, bytes]) -> None:
     for name in {**files, **dict.fromkeys(FORMS)}:
         if f"{name}.sig" not in files and (folder / f"{name}.sig").exists():
             raise InputError(
-                f"{folder / name}: is signed, and would be replaced by one that is not, or removed: "
-                f"give another folder, or all its forms and --sign; or remove {name}.sig"
+                f"{folder / name}: is signed, and would be replaced by one that is not, or "
+                f"removed: give another folder, or all its forms and --sign; or remove {name}.sig"
             )
 
 

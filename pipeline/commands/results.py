@@ -7,7 +7,7 @@ import math
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
@@ -54,6 +54,7 @@ from ..report.format.view import AngleStyle, DigitStyle, View
 from ..report.format.writer import Writer
 from ..report.json.text import json_text
 from ..report.write import ReportFiles, document_files, keep_inputs, write_whole
+from ..system import frozen
 from .limits import SECONDS, within
 from .options import config_option, digits_option, language_option
 from .progress import Reading
@@ -70,7 +71,7 @@ PIPE = Path("-")
 FILTERS = ("text", "vehicle", "since", "until", "status", "gone", "spans", "vertical")
 
 
-@dataclass(frozen=True)
+@frozen
 class Query:
     """Selection of captures and quantities, and the form of the answer."""
 

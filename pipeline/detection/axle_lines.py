@@ -7,11 +7,12 @@ are at one end of the vehicle; there the one nearest to the other end is its rea
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain, pairwise
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 from .vehicles import (
     RIVAL,
@@ -33,7 +34,7 @@ ASIDE_M = 0.1  # of a lone wheel, from the line along one side of the others: tr
 LEVEL_M = 0.15  # of wheels of one vehicle, from their plane
 
 
-@dataclass(frozen=True)
+@frozen
 class AxleLine:
     """Axles of one vehicle, from one end to the other, those closer than a wheelbase in one group.
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..cloud import EXACT, Steps, gather_ball
 from ..config import SegmentConfig
 from ..errors import NotMeasuredError
 from ..plane import SPANNED, Clipping, RansacOptions, converge, first_sigma, ransac
+from ..system import frozen
 from ..targets import Target
 from ..vectors import Array, Mask, plane_basis, turned
 from . import template_match
@@ -30,7 +29,7 @@ FITTED_POINTS = 6000  # enough for a plane to a few micrometres
 REACH = 2.0  # of the radius: the surroundings against which the outline is matched
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Candidate:
     """Plane and the score of its outline as the target's.
 

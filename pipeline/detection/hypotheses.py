@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..system import frozen
 from ..targets import Target
 from ..vectors import Array, Rows, plane_basis
 from . import template_match
@@ -22,7 +22,7 @@ PIECES_REACH = 1.8  # of the radius: how far from one piece of a target the othe
 ALIGNED, SAME_DEPTH = 0.9, 0.08  # cosine, and of the radius: two positions on one plane
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Hypothesis:
     """Candidate position of the target: centre, normal (sign free), and score of the surface."""
 

@@ -8,12 +8,12 @@ vehicle, or several, raise an error that lists them.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from ..errors import InputError, Wording
+from ..system import frozen
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 from .axle_lines import AxleLine, Bodied, axle_lines, level_with
@@ -34,7 +34,7 @@ MUCH_WORSE = 0.7  # of the weakest match of a set of four: sets with a worse tar
 WORSE = 0.8  # of the match of another target: one that is worse and overlaps it is none
 
 
-@dataclass(frozen=True)
+@frozen
 class Axles:
     """Four targets as two axles, by their indices, the ends of both in the same order.
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from ..cloud import EXACT, Steps, VoxelGrid, voxel_key
+from ..system import frozen
 from ..vectors import Array, Rows
 
 MIN_IN_VOXEL = 5  # points, the least for a plane
@@ -17,7 +16,7 @@ _HALF_OF_NEIGHBOURS = tuple(
 )
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Surfels:
     """Flat voxels and the surface that each belongs to.
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from ..cloud import load_opencv
+from ..system import frozen
 from ..targets import Region
 from ..vectors import Array, Array32, Mask
 
@@ -32,7 +32,7 @@ NO_POINTS = np.zeros((0, 2))
 TOP = 0.15  # of the score: height of the top of a peak
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Placement:
     """Best position of the target on the occupied cells.
 

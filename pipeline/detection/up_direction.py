@@ -8,11 +8,10 @@ image, of which left and right would be exchanged.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..errors import InputError, Wording
+from ..system import frozen
 from ..vectors import Array
 
 CELL_M, MIN_IN_CELL, MIN_CELLS = 0.25, 8, 20
@@ -31,7 +30,7 @@ BY_Z = "the z axis, {off}° off"
 BY_BOTH = "the floor, {depth} m below the wheels' centres, and the z axis, {off}° off"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Up:
     """Up direction: (3,) unit, normal to the wheels' plane. by: its sources, in words."""
 
@@ -39,7 +38,7 @@ class Up:
     by: str
 
 
-@dataclass(frozen=True)
+@frozen
 class _Floor:
     """Floor. side: +1 or -1 along the upright. depth_m: from the wheels' centres."""
 

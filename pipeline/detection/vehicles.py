@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 
 Ends = tuple[int, int]
@@ -23,7 +23,7 @@ IN_LINE_M, IN_LINE_DEG, LIKE_TRACKS = 0.05, 2.0, 0.8  # of the axles of a vehicl
 RIVAL = 1.25  # all limits that much wider: another set of four that keeps these is a rival
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class FoundTarget:
     """Target found in a cloud. centre_m: (3,). normal: (3,) unit, away from its back."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from ..plane import (
     total_least_squares,
 )
 from ..readers import read_scan
+from ..system import frozen
 from ..targets import Circle, Region
 from ..vectors import Array, plane_basis
 
@@ -33,7 +33,7 @@ PCL_PLANE, PCL_BOUND = (-0.8964, -0.5868, -1.208), 0.1  # (a, b, c) / d
 PCL_INLIERS, PCL_WITHIN_M = 2000, 0.03
 
 
-@dataclass(frozen=True)
+@frozen
 class FittedPlane:
     """Plane through centroid_m (3,) with the unit normal (3,)."""
 
@@ -44,7 +44,7 @@ class FittedPlane:
 FitPlane = Callable[[Array], FittedPlane]
 
 
-@dataclass(frozen=True)
+@frozen
 class Figure:
     """One figure and its bound: at most the bound or, where `above`, more than it."""
 
@@ -60,7 +60,7 @@ class Figure:
         return self.value > self.bound if self.above else self.value <= self.bound
 
 
-@dataclass(frozen=True)
+@frozen
 class Check:
     """Data set and the deviations of a fit from its certified answer. kind: of the fit."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ..capture import Hint
 from ..detection import Candidate
 from ..measurement import ResidualMap
+from ..system import frozen
 from ..targets import Region
 from ..vectors import Array
 
@@ -23,7 +24,7 @@ Finding = Literal[
 NO_POINTS: Array = np.zeros((0, 3))
 
 
-@dataclass(frozen=True)
+@frozen
 class ExplainedCandidate:
     """A plane that may be the target, or a wheel that may be one, with the verdict on it.
 
@@ -44,7 +45,7 @@ class ExplainedCandidate:
     region: Region | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class ExplainedScan:
     """A scan, what became of it, and all that was looked at in it.
 
@@ -75,7 +76,7 @@ class ExplainedScan:
         return self.status == "ok"
 
 
-@dataclass(frozen=True)
+@frozen
 class Explanation:
     """Explanation of a capture. target: its description. length_unit: of the scans' coordinates."""
 

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from ..errors import InputError
-from ..system import stage
+from ..system import frozen, stage
 from ..uncertainty import chi_square_beyond, f_beyond, least_tail
 from ..vectors import Array
 from .components import SIGNIFICANCE, Station, stated_variance
@@ -35,7 +34,7 @@ NOISE_M, NOISE_DOF = 0.3e-3, 3
 MARKS_M, MARKS_DOF = 1e-3, 6
 
 
-@dataclass(frozen=True)
+@frozen
 class Remainder:
     """Block without its suspect point, the one that contradicts the other four.
 
@@ -53,7 +52,7 @@ class Remainder:
     dof: int
 
 
-@dataclass(frozen=True)
+@frozen
 class BlockCheck:
     """Result for one block; remainder: None where it is plausible, or no single point accounts.
 
@@ -100,7 +99,7 @@ def check_blocks(
     )
 
 
-@dataclass(frozen=True)
+@frozen
 class Misfit:
     """Residuals of a block, or of four points of it, across its plane and about its pentagon.
 
@@ -166,7 +165,7 @@ class Misfit:
         )
 
 
-@dataclass(frozen=True)
+@frozen
 class Scatter:
     """Mean squares of plausible blocks with their degrees of freedom, as those of a Misfit."""
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..config import StationConfig
 from ..diagnostics import length
 from ..errors import InputError
+from ..system import frozen
 from ..uncertainty import UncertaintyComponent, chi_square_beyond
 from ..vectors import Array
 from .fit_block import BlockFit
@@ -19,7 +19,7 @@ SIGHTS_M = (0.1, 1000.0)  # shorter than any total station focuses; longer than 
 SIGNIFICANCE = 0.01  # of the chi-square test of the residuals against the stated noise
 
 
-@dataclass(frozen=True)
+@frozen
 class Station:
     """A total station: its file, and its position (3,) in the coordinates of the points."""
 
@@ -39,7 +39,7 @@ def check_station(points_m: Array, station: Station, source: str) -> None:
             )
 
 
-@dataclass(frozen=True)
+@frozen
 class PooledNoise:
     """Noise along each axis of every point, from the residuals of all blocks together."""
 

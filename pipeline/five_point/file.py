@@ -6,7 +6,6 @@ import math
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from ..diagnostics import WHEELS_APART_M, length, vehicle_unit
 from ..errors import Doubt, InputError, Wording, remedy_of
 from ..files import sha256
-from ..system import stage
+from ..system import frozen, stage
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, to_metres
 from ..vectors import Array
 from ..vehicle import MAX_COORDINATE_M, REFERENCE_WHEELS, build_reference_frame
@@ -44,7 +43,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eEdD][+-]?\d+)?", re.ASCII)
 _SEPARATOR = re.compile(r"[ \t]*,[ \t]*|[ \t]+")
 
 
-@dataclass(frozen=True)
+@frozen
 class FivePointFile:
     """The blocks of one file: RR, RL, FR, FL, then the trials.
 

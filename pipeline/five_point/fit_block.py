@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy.typing as npt
 
 from ..errors import InputError
 from ..plane import total_least_squares
+from ..system import frozen
 from ..vectors import Array
 from ..vehicle import MAX_COORDINATE_M
 
@@ -19,7 +19,7 @@ MIN_LENGTH_M = 1e-3
 MIN_WIDTH_TO_LENGTH = 0.05
 
 
-@dataclass(frozen=True)
+@frozen
 class BlockFit:
     """The plane of one block by total least squares, in the coordinates of its points.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 
 SIDES = 5
@@ -16,7 +16,7 @@ SIDES = 5
 KEPT = 0.6
 
 
-@dataclass(frozen=True)
+@frozen
 class Pentagon:
     """Regular pentagon fitted to points in a plane.
 

@@ -6,13 +6,14 @@ plane of a wheel is nearly vertical, so |camber| is too large by about sigma^2/(
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from ..errors import InputError
+from ..system import frozen
 from ..vectors import Array
 from ..vehicle import VehicleFrame, build_reference_frame, rotation_by_basis
 
@@ -22,7 +23,7 @@ Variant = Literal["report", "matrix"]
 _REFERENCE_BLOCKS = {"report": [2, 3, 0, 1], "matrix": [0, 1, 2, 3]}
 
 
-@dataclass(frozen=True)
+@frozen
 class Tcgc2013Result:
     """Result of the software of 2013, for M blocks.
 

@@ -9,11 +9,10 @@ well, its whole rotation is observed, and the axis with it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..uncertainty import chi_square_beyond
 from ..vectors import Array
 from .plate_pose import Poses, State, across, residual, start, whitening
@@ -23,7 +22,7 @@ CONVERGED = 1e-6  # step, in standard uncertainties of the observations
 SINGULAR = 1e-11  # smallest relative singular value of the scaled equations
 
 
-@dataclass(frozen=True)
+@frozen
 class OneAxis:
     """An axis and the rotations about it, in the coordinates of the poses.
 

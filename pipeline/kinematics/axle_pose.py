@@ -7,11 +7,12 @@ then known from the other wheels' run-outs, and is part of its uncertainty.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..measurement import Observation, Vertical, WheelPose, WheelResult, estimate
+from ..system import frozen
 from ..uncertainty import Effect, UncertaintyComponent, mounting_component
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -19,7 +20,7 @@ from .sweep import SweepScans
 from .wheel_axis import Axle, Framed
 
 
-@dataclass(frozen=True)
+@frozen
 class MountingScatter:
     """Standard deviations per axis of targets as mounted, with their degrees of freedom."""
 

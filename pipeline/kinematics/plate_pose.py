@@ -6,17 +6,18 @@ its print.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..vectors import Array
 
 DOUBTFUL = 0.25  # of the period: an in-plane rotation farther from the prediction is ambiguous
 
 
-@dataclass(frozen=True)
+@frozen
 class Poses:
     """Observed poses of a target, n of them.
 
@@ -34,7 +35,7 @@ class Poses:
     periods_rad: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class State:
     """An axis with a point on it, the target at rotation 0, and the rotations.
 

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..capture import Role
 from ..centre import RotationMark, TargetFit
 from ..measurement import OF_PLATE, Estimate, Measurement, Vertical, WheelResult, estimate
+from ..system import frozen
 from ..uncertainty import Effect, chi_square_beyond, effects_of
 from ..vectors import Array
 from ..vehicle import (
@@ -35,7 +36,7 @@ OF_VERTICAL = 6  # inputs: its normal, and a centre that is not used
 DOUBT = 1e-3  # probability of a fit below which the scans do not rotate about one axis
 
 
-@dataclass(frozen=True)
+@frozen
 class SweepScans:
     """All measured scans of sweeps and run-outs, with the uncertainty effects on them.
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from ..measurement import SteeringAxis, ToeOut, toe_out_at
+from ..system import frozen
 from ..vectors import Array
 from ..vehicle import Dual
 from .plate_pose import turn_about
@@ -51,7 +51,7 @@ def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[Toe
     return tuple(toe_out_at(turn, INNER_RAD) for turn in turns)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Tilt:
     """Offset of the axle from a target's normal (3,), at the reference's normal, with slopes."""
 

@@ -9,12 +9,13 @@ those of the run-out do.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import NotMeasuredError
 from ..measurement import AxleStatus, Estimate, FrameThrough, Measurement
+from ..system import frozen
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, Dual, length
 from .axis_fit import OneAxis
@@ -24,7 +25,7 @@ LEAST_TURN = 0.25  # |1 - exp(i turn)|, some 14 degrees, of the two scans that d
 MOST_ECCENTRIC_M = 0.02  # no target is mounted so far off; the wheel itself moved
 
 
-@dataclass(frozen=True)
+@frozen
 class Axle:
     """The axle of one wheel; fit: None where the scans show too little.
 
@@ -46,7 +47,7 @@ class Axle:
         return self.status == "ok"
 
 
-@dataclass(frozen=True)
+@frozen
 class Framed:
     """Scans in the best frame; `through`: the centres that define it."""
 

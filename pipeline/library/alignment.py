@@ -6,7 +6,7 @@ import html
 import tempfile
 import webbrowser
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
@@ -32,6 +32,7 @@ from ..report.json.measurement import to_json
 from ..report.json.stored import RECORD
 from ..report.text.report import detailed_report, summary_table
 from ..report.write import ReportFiles, write_reports
+from ..system import frozen
 from ..vectors import Array
 from ..vehicle import Axis
 from .messages import in_library_words
@@ -39,7 +40,7 @@ from .reporting import report_options
 from .value import EqualByFields, Named, Value
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@frozen(eq=False)
 class Wheel(EqualByFields):
     """One reference wheel or trial; its angles raise NotMeasuredError where there are none.
 
@@ -88,7 +89,7 @@ class Wheel(EqualByFields):
         return f"<Wheel {self.name}: {self.toe}; {self.camber}>"
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@frozen(eq=False)
 class Covariance(EqualByFields):
     """Covariance of all angles (rad) and lengths (m): `covariance["FL.toe", "FR.toe"]`.
 
@@ -114,7 +115,7 @@ class Covariance(EqualByFields):
         return f"<Covariance of {len(self.names)} quantities, rad and m>"
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@frozen(eq=False)
 class Alignment(Mapping[str, Value]):
     """Alignment of one vehicle: a mapping of all quantities by name, such as `FL.toe`.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 
 from .. import validation
@@ -12,13 +12,14 @@ from ..report.html.provenance import is_five_point
 from ..report.json.validation import validation_json
 from ..report.validation import validation_html, validation_report, write_validation
 from ..report.write import ReportFiles
+from ..system import frozen
 from ..validation import Request, compare_with_points, points_of
 from .alignment import Alignment
 from .messages import library_errors
 from .reporting import report_options
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@frozen(eq=False)
 class Comparison(validation.Comparison):
     """Differences of two methods on n wheels and trials, first less second, and their verdict.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import cast
 
@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..five_point import FivePointFile, measure_five_point
 from ..measure import measure_capture
 from ..measurement import VerticalKind
+from ..system import frozen
 from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS
 from .alignment import Alignment
@@ -22,7 +23,7 @@ from .scans import Settings, TargetName, as_config, as_scan, as_targets, check_o
 SOURCE = "points in memory"
 
 
-@dataclass(frozen=True)
+@frozen
 class Unused:
     """Scans on which some arguments have no effect: the reason, and what to do, of each."""
 

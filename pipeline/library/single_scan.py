@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from numbers import Integral
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..measure import fit_target
 from ..plane import CloudPlane, plane_of_all
 from ..plane import find_planes as planes_of
+from ..system import frozen
 from ..units import LengthUnit
 from ..vectors import Array
 from ..wheel import find_patch
@@ -20,7 +21,7 @@ from .scans import Settings, TargetName, as_config, as_scan, as_target
 from .value import EqualByFields
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@frozen(eq=False)
 class Plane(EqualByFields):
     """Plane normal . x + offset = 0 of a cloud, metres.
 
@@ -44,7 +45,7 @@ class Plane(EqualByFields):
         )
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@frozen(eq=False)
 class FoundTarget(EqualByFields):
     """Target of one scan: its plane and centre, coordinates of the scan.
 

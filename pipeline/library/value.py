@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
 
 from ..report.format.digits import decimal
+from ..system import frozen
 from ..vehicle import Unit
 
 Item = TypeVar("Item")
@@ -52,7 +53,7 @@ class Named(Mapping[str, Item]):
         return repr(self._held)
 
 
-@dataclass(frozen=True, repr=False)
+@frozen
 class Value:
     """Quantity in rad or m, with its standard uncertainty u and U = k u, which holds 95 %.
 

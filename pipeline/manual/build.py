@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
 from .. import __version__
+from ..system import frozen
 from .markdown import Rendered, page_of, render
 
 HERE = Path(__file__).parent
 PIECES = ("manual.css", "search.js", "icon.svg")
 
 
-@dataclass(frozen=True)
+@frozen
 class Chapter:
     """One page of the manual: path, title and content."""
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import Any
+
+from ..system import frozen
 
 SECTIONS = ("h1", "h2", "h3")
 
 
-@dataclass(frozen=True)
+@frozen
 class ManualSection:
     """A heading of a chapter and the plain text below it, for the search."""
 
@@ -22,7 +23,7 @@ class ManualSection:
     text: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Rendered:
     """A chapter as HTML, and its sections in order; the first is its title."""
 

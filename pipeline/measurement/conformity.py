@@ -20,12 +20,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from ..errors import Doubt
+from ..system import frozen
 from ..uncertainty import box_probability, normal_scores, quantile, tail
 from ..vehicle import REFERENCE_WHEELS, Unit
 from .estimates import joint_covariance
@@ -58,7 +59,7 @@ class Deciding(Protocol):
     def confidence(self) -> float: ...  # noqa: D102
 
 
-@dataclass(frozen=True)
+@frozen
 class Verdict:
     """Decision on one quantity; fields that do not apply or cannot be computed are None.
 
@@ -82,7 +83,7 @@ class Verdict:
 Limited = tuple[Quantity, ToleranceInterval | None]
 
 
-@dataclass(frozen=True)
+@frozen
 class Conformity:
     """Verdicts by one tolerance, wheels in the measurement's order, then the vehicle.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -28,7 +28,7 @@ from ..diagnostics import check_poses, check_vehicle_cloud
 from ..errors import InputError, NotMeasuredError, Wording
 from ..plane import Patch
 from ..readers import Part
-from ..system import stage
+from ..system import frozen, stage
 from ..targets import PatternTarget, Target
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
 
 
-@dataclass(frozen=True)
+@frozen
 class Found:
     """Targets found in a whole-vehicle scan, with a sample of its points.
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import Doubt
+from ..system import frozen
 from ..uncertainty import LEVEL, coverage_factor
 from ..vectors import Array
 from ..vehicle import VEHICLE, WHEEL, Axis, Unit
@@ -19,7 +20,7 @@ from .turn_curve import toe_out_at
 RADIAN: Unit = "rad"
 
 
-@dataclass(frozen=True)
+@frozen
 class Stated:
     """Quantity with its uncertainty, radians or metres.
 
@@ -150,7 +151,7 @@ UNITS: dict[str, Unit] = {
 }  # of the others: radians
 
 
-@dataclass(frozen=True)
+@frozen
 class Quantity:
     """Measured quantity: value and standard uncertainty in its unit, None where unmeasured.
 

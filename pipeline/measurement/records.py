@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from ..centre import RotationMark, TargetFit
 from ..cloud import CloudSample
 from ..errors import Doubt, Wording
 from ..plane import PlaneFit
+from ..system import frozen
 from ..targets import Target
 from ..uncertainty import (
     LEVEL,
@@ -40,7 +41,7 @@ FrameThrough = Literal["axle centres", "axle and plate centres", "plate centres"
 LEAST_UNIFORM = 0.1  # share of a rectangle in u, below which k changes by less than 5e-6
 
 
-@dataclass(frozen=True)
+@frozen
 class Evidence:
     """Fitted target; of a scan also the plane's fit and a map of its residuals.
 
@@ -53,7 +54,7 @@ class Evidence:
     profile: WheelProfile | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class SuspectPoint:
     """Point of a five-point block that contradicts the other four.
 
@@ -65,7 +66,7 @@ class SuspectPoint:
     off_m: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class Observation:
     """Target observed in one scan, or in one block of five points.
 
@@ -109,7 +110,7 @@ class Observation:
         return self.on_wheel or self.evidence.target
 
 
-@dataclass(frozen=True)
+@frozen
 class WheelPose:
     """Normal (3,) and centre (3,) of a wheel, scanner coordinates, with their uncertainty."""
 
@@ -123,7 +124,7 @@ class WheelPose:
         return np.asarray(sum((part.covariance for part in self.components), np.zeros((6, 6))))
 
 
-@dataclass(frozen=True)
+@frozen
 class Vertical:
     """Direction from which camber, caster and SAI can be measured, with its uncertainty.
 
@@ -142,7 +143,7 @@ class Vertical:
         return np.zeros(3)
 
 
-@dataclass(frozen=True)
+@frozen
 class WheelResult:
     """Observation with its angles; all None where it was not measured.
 
@@ -175,7 +176,7 @@ class WheelResult:
         return self.angles or self.provisional
 
 
-@dataclass(frozen=True)
+@frozen
 class Naming:
     """Sources of the front and up directions by which a cloud's wheels were named.
 
@@ -187,7 +188,7 @@ class Naming:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@frozen
 class Provenance:
     """Origin of a result: version, sha256 of each input, effective config, seed.
 
@@ -217,7 +218,7 @@ class Provenance:
         return (Wording(NAMED, front=front, up=up), *self.naming.notes)
 
 
-@dataclass(frozen=True)
+@frozen
 class Estimate:
     """A value with its standard uncertainty and degrees of freedom; radians or metres.
 
@@ -249,7 +250,7 @@ class Estimate:
         return min(share, 1.0) if share > LEAST_UNIFORM else 0.0
 
 
-@dataclass(frozen=True)
+@frozen
 class SteeringAxis:
     """The steering axis of one front wheel, by its sweep; None where the scans show too little.
 
@@ -285,7 +286,7 @@ class SteeringAxis:
     mark: RotationMark | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class AxleAngles:
     """Toe, camber and ISO camber of an axle."""
 
@@ -294,7 +295,7 @@ class AxleAngles:
     camber_iso: Estimate
 
 
-@dataclass(frozen=True)
+@frozen
 class Runout:
     """The axle of one wheel, by its run-out scans; None where these show too little.
 
@@ -327,7 +328,7 @@ class Runout:
     probability: float = 1.0
 
 
-@dataclass(frozen=True)
+@frozen
 class ToeOut:
     """Toe-out on a left turn, whose inner wheel is FL, or on a right turn, at an inner angle.
 
@@ -346,7 +347,7 @@ class ToeOut:
     curve: tuple[tuple[Estimate, Estimate], ...] = ()
 
 
-@dataclass(frozen=True)
+@frozen
 class Measurement:
     """All wheels in the capture's order, the frame, all quantities, and their provenance.
 

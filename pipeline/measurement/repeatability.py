@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
+from ..system import frozen
 from ..uncertainty import chi_square_beyond, least_squares, scatter_beyond
 from ..vectors import Array
 from .doubts import are_copies
@@ -22,7 +23,7 @@ OF_PLATE = (
 DOUBT = 0.01  # probability below which scatter counts as larger, or smaller, than predicted
 
 
-@dataclass(frozen=True)
+@frozen
 class PooledAngle:
     """Angle from repeat scans, radians, values in the order of the scans.
 
@@ -46,7 +47,7 @@ class PooledAngle:
     scatter: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Repeats:
     """Names of the scans that repeat one wheel or trial, and their pooled angles."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +10,7 @@ import numpy.typing as npt
 from ..centre import TargetFit
 from ..detection import FACE_BAND
 from ..plane import Patch, PlaneFit
-from ..system import stage
+from ..system import frozen, stage
 from ..targets import Region, Target
 from ..vectors import Array, Array32, Mask, in_axes, turned
 
@@ -24,7 +23,7 @@ FORM_STEP = 5  # cells of the map in one of its smoothed form
 BINS, SIGMAS = 60, 5.0  # of the histogram, from -SIGMAS to +SIGMAS of the plane's noise
 
 
-@dataclass(frozen=True)
+@frozen
 class ResidualMap:
     """Square raster of the plane about the target's centre, along the plane's axes u and v.
 
@@ -116,7 +115,7 @@ def map_about(
     )
 
 
-@dataclass(frozen=True)
+@frozen
 class FormMap:
     """Smoothed deviation of a target from its plane: (48, 48) float32 metres, NaN off the target.
 

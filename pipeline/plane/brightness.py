@@ -11,11 +11,12 @@ towards zero, and a print finer than the cells, which tilts nothing, is even the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..cloud import scattered
+from ..system import frozen
 from ..targets import Region
 from ..uncertainty import tail
 from ..vectors import Array, Array32, Mask, in_axes
@@ -32,7 +33,7 @@ FIRST_POINTS = 10_000  # enough to see whether there is anything to fit
 MAX_REFITS, SETTLED = 6, 0.02  # of the standard uncertainty of g
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class RangeByBrightness:
     """Difference of the heights of bright and dark points of a face, towards the scanner.
 
@@ -56,7 +57,7 @@ class RangeByBrightness:
         return math.copysign(half, self.step_m)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class FittedBrightness:
     """Plane without range by brightness; cells: its residuals, with the brightness of each.
 
@@ -127,7 +128,7 @@ def fit_brightness(
     return FittedBrightness(fit, refined, step_m, significant, level, shade)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Brightness:
     """Scale of the brightness of a face, from its intensities.
 

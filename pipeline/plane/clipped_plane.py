@@ -6,12 +6,11 @@ the few near the limit. The iterations to convergence need the sums and those fe
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..cloud import SlabMoments, slab_moments
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..targets import Region
 from ..vectors import Array
 from .sigma_clipping import CLIPPED_SIGMA_RATIO
@@ -20,7 +19,7 @@ MARGIN = 0.15  # of the limit: how far the plane may move before the points are 
 MAX_TILT = 1e-3  # of the plane to the axes of its sums, above which the points are summed again
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class ClipSlab:
     """Slab in which points are summed, about the plane w = height_m in the axes basis (3, 3).
 
@@ -57,7 +56,7 @@ class ClipSlab:
         return ClipSlab(basis, height, plane.sigma_m, self.resolution_m)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class ClippedPlane:
     """Plane of total least squares in the axes of its slab: w - w0 = tilt . (u - u0, v - v0).
 
@@ -146,7 +145,7 @@ class ClippedPlane:
         return out
 
 
-@dataclass(frozen=True)
+@frozen
 class ClippedFit:
     """Converged plane, in the axes of its slab.
 

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from ..cloud import over_chunks
+from ..system import frozen
 from ..vectors import Array, Mask
 
 CELLS = 12  # across the target: 113 cells on a full disc
@@ -37,7 +38,7 @@ NEARLY = 0.6  # of that: where every other length shows less, those between are 
 SIGNIFICANT_LINED = 12.0  # the same in cells along scan lines, which show more kinds of noise
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class CorrelatedNoise:
     """Correlated noise and form error found in the residuals of a plane.
 
@@ -65,7 +66,7 @@ class CorrelatedNoise:
         return replace(self, covariance=parts[0], form_covariance=parts[1])
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Cells:
     """Residuals averaged over square cells.
 
@@ -234,7 +235,7 @@ def filled(count: Array) -> Mask | None:
     return full if np.count_nonzero(full) >= MIN_CELLS else None
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Whitened:
     """Residuals (C,) of the cells at unit variance, without what the fit explains.
 
@@ -263,7 +264,7 @@ class _Whitened:
         return np.asarray(kernel - half - half.T)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Maximum:
     """Maximum of the likelihood. variance: s^2 there; gain: in log-likelihood over s = 0."""
 
@@ -272,7 +273,7 @@ class _Maximum:
     dof: float
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Field:
     """Field of lengths (2,) in the whitened residuals of the cells.
 

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Rows
 from .correlated_noise import Cells, CorrelatedNoise, correlated_noise, regressed
 
@@ -45,7 +46,7 @@ LEAST_GAIN = 9.0  # in log-likelihood: shapes below have no belief worth countin
 NOTED = 0.9  # belief
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Lines:
     """Lines on a face, beyond each of which it steps, or bends, in the axes of the cells.
 
@@ -82,7 +83,7 @@ class Lines:
         return replace(self, directions=self.directions[at], distances_m=self.distances_m[at])
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Areas:
     """Rectangles on a face that are raised, or sunk, in the axes of the cells.
 
@@ -132,7 +133,7 @@ class Areas:
 Shapes = TypeVar("Shapes", Lines, Areas)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class FaceBreak:
     """Step, bend or raised area found on a face.
 
@@ -185,7 +186,7 @@ def noise_and_break(
     return replace(noise, form_covariance=form), found[best]
 
 
-@dataclass(frozen=True)
+@frozen
 class _Tried:
     """Shape tried on the residuals: what its column leaves is noise.
 
@@ -210,7 +211,7 @@ class _Tried:
         return FaceBreak(fits.shapes.kind, height_m, belief, belief * covariance)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Trial:
     """Residuals on which shapes are tried: kinds of their cells, and their noise on a plain face.
 
@@ -239,7 +240,7 @@ class _Trial:
         return _Tried(fits, noise, float(with_shape[clearest] - without[clearest]) - unlikely)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Fits(Generic[Shapes]):
     """Lines or areas and what each explains of the cells' residuals.
 

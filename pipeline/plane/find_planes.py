@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..cloud import Levels, coordinate_levels, random_rows, within_slab
 from ..errors import InputError, NotMeasuredError
+from ..system import frozen
 from ..vectors import Array
 from .least_squares import PlaneMoments, total_least_squares
 from .ransac import RansacOptions, ransac
@@ -30,7 +31,7 @@ SPANNED = 1.5  # distances of levels: no point within them of the plane is clipp
 MAX_ROUGHNESS = 0.25  # noise over a neighbourhood's spread: above it larger ones are tried
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class CloudPlane:
     """Plane of a cloud: normal . x + offset = 0.
 

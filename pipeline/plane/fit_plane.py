@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from ..cloud import Steps, find_lattice, over_chunks
 from ..config import PlaneConfig
-from ..system import stage
+from ..system import frozen, stage
 from ..targets import Region, Target
 from ..vectors import Array, Rows, in_axes
 from .brightness import FittedBrightness, RangeByBrightness, fit_brightness
@@ -37,7 +37,7 @@ ROUNDED = 4.0  # steps: points on a lattice of shorter cells were rounded, not t
 SPANNED = 1.5  # steps: no point within them of the plane is clipped
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Rounding:
     """Effect of rounded coordinates on a plane.
 
@@ -52,7 +52,7 @@ class Rounding:
     covariance: Array
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class PlaneFit:
     """Fitted plane and the evidence for it.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import CHUNK_ROWS, Array, Mask, cross, norm
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class PlaneMoments:
     """Plane of total least squares: n . (x - centroid) = 0.
 

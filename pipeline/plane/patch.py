@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from ..cloud import EXACT, Steps
+from ..system import frozen
 from ..vectors import Array, Array32, Mask, Rows, turned
 from .copies import copies_within_m, first_in_places, first_within, places_shared, some_of
 
 CHANCE_M = 2e-4  # steps of coordinates from which on points share places by chance
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Patch:
     """Points of a target and its surroundings, before anything is fitted to them.
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 
 M = TypeVar("M")
@@ -30,7 +30,7 @@ class Problem(Protocol[M]):
         """Return the probability that one proposal is as good as this model."""
 
 
-@dataclass(frozen=True)
+@frozen
 class RansacOptions:
     """Stopping rule: this confidence that a good proposal was drawn, or the maximum."""
 
@@ -39,7 +39,7 @@ class RansacOptions:
     batch: int = 50
 
 
-@dataclass(frozen=True)
+@frozen
 class RansacResult(Generic[M]):
     """Best model, its score, and the number of proposals up to it."""
 

@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..vectors import Array, Mask, Rows
 from .correlated_noise import Cells, filled
 
@@ -35,7 +35,7 @@ TAIL, PER_STEP, PER_SIGMA = 9.0, 200, 25  # reach of the tables in sigma, nodes 
 Tail = Callable[[Array], tuple[Array, Array]]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class RoundedFit:
     """Plane w = height_m + slopes . (u, v) of rounded points.
 
@@ -105,7 +105,7 @@ def logistic_tail(x: Array) -> tuple[Array, Array]:
     return beyond, rate * beyond / (1.0 + np.exp(-rate * x))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Likelihood:
     """Log-likelihood of points at a state, its slope (4,) and expected information (4, 4).
 
@@ -173,7 +173,7 @@ def _evaluate(uvw: Array, state: Array, tail: Tail) -> _Likelihood:
     return _Likelihood(float(log.sum()), slope, information, by_height, height)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Table:
     """Likelihood of one point and what it is expected to tell, in steps, at one sigma.
 

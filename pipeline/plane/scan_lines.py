@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ..cloud import least_rows, over_chunks
+from ..system import frozen
 from ..vectors import Array, Array32
 from .correlated_noise import POINTS_A_CELL, Cells, filled
 
@@ -39,7 +39,7 @@ ROUNDED = 0.3  # of the points' mean distance: of longer steps, no lines are loo
 ONE_WAVE = 3.0  # steps of the waves tried, within which two are one
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Grid:
     """Grid of the beams on a plane.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..vectors import Array, Mask
 from .least_squares import PlaneMoments, total_least_squares
 
@@ -16,7 +16,7 @@ from .least_squares import PlaneMoments, total_least_squares
 CLIPPED_SIGMA_RATIO = 0.98658
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Clipping:
     """Plane through `point` and the noise across it, which decide the points that are kept.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Array32
 from .gather import Placer, PointRows
 from .missing import Markers, find_markers
@@ -17,7 +17,7 @@ from .read_scan import open_cloud
 SAMPLE = 100_000  # points by which missing returns are known
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class PlacedBlock:
     """Successive valid points of one scan of a file, its pose applied.
 

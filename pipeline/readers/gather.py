@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from ..system import frozen
 from ..units import to_metres
 from ..vectors import Array, Array32, Mask
 from .faults import fault
@@ -21,7 +21,7 @@ RowProgress = Callable[[int, int], None]
 MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class PointRows:
     """Preallocated arrays for points, intensity and grid, or views into them."""
 

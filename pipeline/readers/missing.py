@@ -6,11 +6,10 @@ surface puts many points at exactly one place, nor on exactly one plane.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..cloud import coordinate_steps
+from ..system import frozen
 from ..vectors import Array, Mask
 
 ROWS = 8192  # points that are looked at
@@ -27,7 +26,7 @@ ROUGH = 0.5  # rms across few neighbours over that across many: a smooth surface
 HUGE = 1e10  # powers of ten from here on, and the largest numbers, are no coordinates
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Markers:
     """Places (P, 3), and values along axes, that mark missing returns; metres."""
 

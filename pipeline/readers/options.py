@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from ..system import frozen
 
 SKIPPED = "-"
 # Columns that --columns may name; only x, y, z and the intensity are read.
@@ -16,7 +17,7 @@ KNOWN_COLUMNS = frozenset(
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class ReadOptions:
     """How to read what a file does not say of itself.
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import stat
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..system import frozen
 from ..units import LENGTH_UNITS
 from .faults import fault
 from .gather import RowProgress, gather, silent
@@ -22,7 +22,7 @@ from .signature import BINARY, E57, GLB, LAS, NPY, PCD, PLY, STL, TEXT, UTF16, Z
 from .source import RawCloud, Source
 
 
-@dataclass(frozen=True)
+@frozen
 class Family:
     """Format: its reader, the signatures its files may begin with, and the sampler of a mesh.
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from ..system import frozen
 from ..vectors import Array, Array32
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Part:
     """One scan of a file that may hold several: rows start:stop of `points_m`.
 
@@ -34,7 +33,7 @@ class Part:
         return None if self.T_file_scan is None else self.T_file_scan[:3, :3].T
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Scan:
     """One point cloud in the file's coordinates, the poses of its parts applied.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import Any, TextIO, cast
 
 import numpy.typing as npt
 
+from ..system import frozen
 from ..vectors import Array, Mask
 from .colour import luminance
 from .options import AS_THE_FILE_SAYS, ReadOptions
@@ -18,7 +18,7 @@ from .options import AS_THE_FILE_SAYS, ReadOptions
 PointColumn = npt.NDArray[Any]
 
 
-@dataclass(frozen=True)
+@frozen
 class Source:
     """An open scan file, its size in bytes, and its name in messages.
 
@@ -50,7 +50,7 @@ class Source:
         return self.size - self.stream.tell()
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Block:
     """Successive points of one scan: columns of one length, in the file's own unit.
 
@@ -68,7 +68,7 @@ class Block:
     part: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class RawPart:
     """One scan of a file that may hold several.
 
@@ -82,7 +82,7 @@ class RawPart:
     note: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class RawCloud:
     """A file with its checked header: at most `rows` points, to be read block by block.
 
@@ -101,7 +101,7 @@ class RawCloud:
     may_mark: bool = True
 
 
-@dataclass(frozen=True)
+@frozen
 class Layout:
     """Indices of the file's columns x, y, z and, if any, the intensity; the unit of the three.
 

@@ -9,12 +9,12 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..measurement import Conformity, Measurement
+from ..system import frozen
 from .format.language import load_translations
 from .format.report_options import ReportOptions
 from .format.view import PAPER
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .html.document import Document
 
 
-@dataclass(frozen=True)
+@frozen
 class ReportFiles:
     """Which reports to write beside measurement.json, report.txt and budget.svg."""
 

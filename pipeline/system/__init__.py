@@ -1,10 +1,11 @@
 """Differences between systems, each with a fall-back: memory, locks, memory files, processes.
 
-And a stopwatch for the stages of a measurement in this process.
+Frozen dataclasses, and a stopwatch for the stages of a measurement in this process.
 """
 
 from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder
+from .frozen import frozen
 from .lazily import loader
 from .locks import acquire
 from .memory import (
@@ -37,6 +38,7 @@ __all__ = [
     "check_temporary_folder",
     "end_with_children",
     "free_bytes",
+    "frozen",
     "give_back",
     "give_way",
     "inherits_descriptors",

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from ..errors import ConfigError
+from ..system import frozen
 from ..vehicle import REFERENCE_WHEELS
 from .registry import Target, load_target
 
 OF_A_WHEEL = re.compile(r",(?=\w+=)")  # before the name of a wheel
 
 
-@dataclass(frozen=True)
+@frozen
 class TargetChoice:
     """The target of all wheels, None for that of the capture, and those of single wheels."""
 

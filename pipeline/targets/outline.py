@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from ..system import frozen
 from ..vectors import Array, Mask, Rows
 
 CORNER_M = 0.01  # of a straight side at each end, left out: there two sides mix
 
 
-@dataclass(frozen=True)
+@frozen
 class ClosestPoints:
     """Points in a target's axes against the nearest edge of an outline; (N,) each, normal (N, 2).
 
@@ -74,7 +75,7 @@ class Outline(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@frozen
 class Circle:
     """A round outer edge.
 
@@ -150,7 +151,7 @@ class Circle:
         """Return None: it is turned, or drilled."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Polygon:
     """A convex outer edge of straight sides: corners_m (K, 2) counterclockwise about the origin.
 
@@ -308,7 +309,7 @@ class Polygon:
         return replace(self, corners_m=self.corners_m * (1.0 + by_m / self.half_m))
 
 
-@dataclass(frozen=True)
+@frozen
 class Holes:
     """Round holes, rows (u, v, radius) of (K, 3), one after the other."""
 

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Mask
 from .outline import Holes, OuterEdge, is_symmetric
 
 NO_HOLES = np.zeros((0, 3))
 
 
-@dataclass(frozen=True)
+@frozen
 class Region:
     """Points in a target's axes u, v within its outer edge and outside its round holes.
 

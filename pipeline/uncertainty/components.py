@@ -8,15 +8,16 @@ the points, type B components are stated in the target's and the scanner's files
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 
 
-@dataclass(frozen=True)
+@frozen
 class UncertaintyComponent:
     """One line of the uncertainty budget, for one target.
 

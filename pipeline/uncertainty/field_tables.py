@@ -9,12 +9,12 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError, fact_of, remedy_of
+from ..system import frozen
 from ..vectors import Array
 
 FACES = ("target", "face", "azimuth_deg", "elevation_deg", "range_m")
@@ -31,7 +31,7 @@ LEAST_SPAN_DEG = 5.0  # of elevations: below, trunnion and index look like colli
 TURN_DEG, TURN_GON = 361.0, 400.0  # a degree more, for the errors of a target at a whole turn
 
 
-@dataclass(frozen=True)
+@frozen
 class FaceTest:
     """Targets in both faces (N): half the differences of azimuth and elevation, in arcsec.
 
@@ -46,7 +46,7 @@ class FaceTest:
     range_m: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class LengthTest:
     """Pairs of points (N): measured lengths, references with their u, and ranges, in metres.
 
@@ -61,7 +61,7 @@ class LengthTest:
     far_m: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class _Row:
     """Numbers of one line of a table."""
 

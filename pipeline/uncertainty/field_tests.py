@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
+from ..system import frozen
 from ..vectors import Array
 from .distributions import chi_square_beyond, tail
 from .field_tables import ROUNDED_M, FaceTest, LengthTest, read_test
@@ -38,7 +39,7 @@ ECCENTRICITIES = ("sin a", "cos a", "sin e")  # parts that two faces show
 ANGULAR = ("collimation_arcsec", "trunnion_arcsec", "vertical_index_arcsec", *ECCENTRICITIES)
 
 
-@dataclass(frozen=True)
+@frozen
 class TermFit:
     """Terms found by least squares: their values, and covariance, in the units of the file's keys.
 
@@ -66,7 +67,7 @@ class TermFit:
         return replace(self, covariance=self.covariance + more @ more.T)
 
 
-@dataclass(frozen=True)
+@frozen
 class FoundTerm:
     """A term of [instrument]: value and u as found; stated: sqrt(value^2 + u^2), for the file.
 
@@ -83,7 +84,7 @@ class FoundTerm:
         return math.hypot(self.value, self.u)
 
 
-@dataclass(frozen=True)
+@frozen
 class FieldTests:
     """Results of field tests: terms in the order of the file, and those that were not shown.
 

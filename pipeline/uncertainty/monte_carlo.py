@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 from .components import UncertainTarget
 from .monte_carlo_model import independent_quantities
@@ -26,7 +26,7 @@ TOLERANCE = 0.05
 Status = Literal["agree", "disagree", "not-converged"]
 
 
-@dataclass(frozen=True)
+@frozen
 class MonteCarlo:
     """Results of the draws beside the formula; all arrays (Q,) in the order of the covariance.
 

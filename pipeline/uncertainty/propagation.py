@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 from ..vehicle import VEHICLE, WHEEL, linearise
 from .components import UncertainTarget
@@ -17,7 +17,7 @@ from .distributions import coverage_factor
 LEVEL = 0.95  # of the expanded uncertainties
 
 
-@dataclass(frozen=True)
+@frozen
 class AngleUncertainty:
     """All Q quantities of W targets and their uncertainty: radians and metres, k = 1.
 
@@ -139,7 +139,7 @@ def estimates_of(effects: Sequence[Effect]) -> list[object]:
     return [effect.name if effect.pooled else index for index, effect in enumerate(effects)]
 
 
-@dataclass(frozen=True)
+@frozen
 class Effect:
     """A component as it acts on all W targets at once: factor (6 W, k).
 

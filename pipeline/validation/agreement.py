@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..system import frozen
 from ..uncertainty import chi_square_limits, f_beyond, quantile
 from ..vectors import Array
 from .comparison import KINDS, Comparison
@@ -24,7 +24,7 @@ from .statistics.line_test import LinePoints, fit_shared_line
 from .statistics.power import CONFIDENCE, captures_needed, detectable_alone
 
 
-@dataclass(frozen=True)
+@frozen
 class Agreement:
     """Agreement of one kind of angle over all captures; radians.
 
@@ -67,7 +67,7 @@ class Agreement:
         return captures_needed(size_rad, self.deviation * math.sqrt(dof / least))
 
 
-@dataclass(frozen=True)
+@frozen
 class _Pairs:
     """Pairs of one kind, with uncertainties and covariance, subject and unit of each.
 

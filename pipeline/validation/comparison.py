@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Literal
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from ..errors import Doubt, InputError
 from ..measurement import Provenance
+from ..system import frozen
 from ..uncertainty import UncertainTarget, effects_of
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, jacobian
@@ -22,7 +22,7 @@ KINDS = ("toe", "camber")
 SHAPE_DOUBT = 1e-3  # probability of the shape of the centres below which no agreement is stated
 
 
-@dataclass(frozen=True)
+@frozen
 class Comparison:
     """Differences, first less second method, on n wheels and trials.
 
@@ -211,7 +211,7 @@ def _placed(targets: Sequence[UncertainTarget], before: int, after: int) -> list
 ALIKE = 0.05  # of track or wheelbase; two methods on one vehicle differ by less
 
 
-@dataclass(frozen=True)
+@frozen
 class ComparedMethod:
     """Result of one method on n wheels; the first four are RR, RL, FR, FL.
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from ..system import frozen
 from ..uncertainty import f_sum_limits, share_limits
 from .comparison import KINDS, Comparison
 from .statistics.power import CONFIDENCE
 
 
-@dataclass(frozen=True)
+@frozen
 class Score:
     """Errors of one kind of angle, radians; inside: how many of `count` are within 95 % intervals.
 
@@ -30,7 +30,7 @@ class Score:
     high: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Nees:
     """Mean normalised squared error over all angles, about 1 where uncertainties are correct.
 

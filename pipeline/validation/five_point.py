@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,6 +20,7 @@ from ..five_point import (
     read_five_point,
 )
 from ..measurement import Measurement, WheelPose, WheelResult
+from ..system import frozen
 from ..uncertainty import UncertainTarget, UncertaintyComponent
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vectors import Array
@@ -34,7 +35,7 @@ AIMING_UNKNOWN = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class FivePointOptions:
     """Conventions of the five-point files, and what is known of the instrument.
 
@@ -64,7 +65,7 @@ class FivePointOptions:
         )
 
 
-@dataclass(frozen=True)
+@frozen
 class FivePoints:
     """Five-point file with blocks in the order of `scans`, and its measurement."""
 

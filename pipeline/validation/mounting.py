@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ..errors import InputError, NotMeasuredError, Wording
 from ..measure import fit_target, measure_capture
 from ..measurement import Estimate, Measurement, Provenance, WheelResult
 from ..readers import Part
+from ..system import frozen
 from ..targets import Target, WheelTarget
 from ..uncertainty import UncertaintyComponent
 from ..vectors import Array
@@ -37,7 +38,7 @@ OF_RIM = (
 OF_TYRE = "No flange of a rim stands out in {names}: against the tyre."
 
 
-@dataclass(frozen=True)
+@frozen
 class Mounting:
     """Target of one scan less its wheel, in the vehicle's frame.
 
@@ -62,7 +63,7 @@ class Mounting:
         return {name: getattr(self, name) for name in names}
 
 
-@dataclass(frozen=True)
+@frozen
 class MountingScatter:
     """Scatter of several mountings of one target, as its file states it.
 
@@ -78,7 +79,7 @@ class MountingScatter:
     shift_m: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Mountings:
     """All mountings of a capture; missing: name and reason of what shows not both."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path, PurePath
 from typing import Literal
 
@@ -12,6 +12,7 @@ import numpy as np
 from ..capture import Capture
 from ..errors import Wording
 from ..measurement import MEASURED_FROM, Measurement, WheelResult, evaluate
+from ..system import frozen
 from ..vehicle import build_reference_frame, wheel_angles
 from .comparison import ComparedMethod
 from .five_point import FivePointOptions
@@ -25,7 +26,7 @@ AS_MOUNTED = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class Request:
     """Method to compare with, and its options.
 
@@ -40,7 +41,7 @@ class Request:
     to_detect_rad: float | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class RequestPart:
     """Wheels and trials that can be compared, and name and reason of those not measured.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from ..capture import clouds_of, is_capture, open_capture
 from ..config import Config, with_scanner
 from ..errors import InputError, WheelplaneError
 from ..files import ARCHIVE_SUFFIXES
+from ..system import frozen
 from ..uncertainty import binomial_tail
 from .agreement import Agreement, agreement, bias_probability
 from .comparison import KINDS, AgreementVerdict, Comparison
@@ -22,7 +22,7 @@ from .validate_capture import validate_capture
 EACH = 1.0 - math.sqrt(CONFIDENCE)  # significance level of each of two tests (Sidak)
 
 
-@dataclass(frozen=True)
+@frozen
 class Row:
     """Capture of a study: its comparison, or the reason why there is none."""
 
@@ -31,7 +31,7 @@ class Row:
     reason: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class ComparisonStudy:
     """Comparisons of all captures in a folder, in the order of their names."""
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +28,7 @@ from ..five_point import FivePointFile, measure_five_point
 from ..measure import fit_target, measure_capture
 from ..measurement import Evidence, WheelPose, WheelResult
 from ..plane import Patch, PlaneFit
+from ..system import frozen
 from ..targets import Target, WheelTarget
 from ..uncertainty import UncertainTarget, UncertaintyComponent, plane_component
 from ..vectors import Array
@@ -45,7 +45,7 @@ MISSED = 0.1  # of the pentagon's radius: largest distance of a point from its c
 SAMPLE = 1200  # points that represent the target where noise is correlated
 
 
-@dataclass(frozen=True)
+@frozen
 class Picked:
     """Five points of a scan.
 

@@ -12,12 +12,12 @@ Quantities of the vehicle, and angles relative to its other axes: `axes.py`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from ..errors import InputError
+from ..system import frozen
 from ..vectors import Array, norm
 from .frame import REFERENCE_WHEELS, VehicleFrame
 
@@ -27,7 +27,7 @@ MIN_OUTWARD_COSINE = 0.1
 MAX_NEAREST_RATIO = 0.9
 
 
-@dataclass(frozen=True)
+@frozen
 class WheelAngles:
     """Toe, camber (the paper's, elevation) and ISO 8855 camber of one wheel, radians."""
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 
 
-@dataclass(frozen=True)
+@frozen
 class Dual:
     """A value and its derivatives (K,) with respect to K inputs.
 

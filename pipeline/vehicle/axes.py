@@ -22,10 +22,10 @@ to the centreline; cross toe, cross camber and wheelbase difference: left less r
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
+from ..system import frozen
 from .autodiff import Dual, atan2, constant, cos, length, over, sin
 
 Axis = Literal["rear-axle", "centreline", "thrust-line", "side-bisector"]
@@ -33,7 +33,7 @@ AXES: tuple[Axis, ...] = ("rear-axle", "centreline", "thrust-line", "side-bisect
 RR, RL, FR, FL = range(4)
 
 
-@dataclass(frozen=True)
+@frozen
 class Wheel:
     """Components of a wheel's outward unit normal; side: +1 on the left, -1 on the right.
 
@@ -50,7 +50,7 @@ class Wheel:
     level: Dual | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class Position:
     """Wheel centre in the vehicle frame, metres from the middle of the rear axle."""
 
@@ -59,7 +59,7 @@ class Position:
     up: Dual
 
 
-@dataclass(frozen=True)
+@frozen
 class Vehicle:
     """Wheels, wheel centres and lengths; the first four wheels are RR, RL, FR, FL."""
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 
 ALONG_M = 0.12  # from the wheel's centre to the front and rear: beside the contact patch
@@ -19,7 +18,7 @@ CUT, STEP = 3.0, 0.5  # standard deviations: of outliers; between the heights th
 GAIN, FEWEST = 20.0, 3  # least of a pad: by how much it lessens the squares; points on it
 
 
-@dataclass(frozen=True)
+@frozen
 class Contact:
     """Middle (2,) of a wheel's contact patch, left and forward, and the pad that it stands on.
 

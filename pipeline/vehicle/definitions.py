@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Literal
 
+from ..system import frozen
 from .autodiff import Dual
 from .axes import AXES, FL, FR, RL, RR, Axis, Vehicle
 
@@ -18,7 +18,7 @@ def named(kind: str, axis: Axis | None) -> str:
     return kind if axis in (None, "rear-axle") else f"{kind}_to_{axis.replace('-', '_')}"
 
 
-@dataclass(frozen=True)
+@frozen
 class WheelQuantity:
     """A quantity of each wheel, radians.
 
@@ -36,7 +36,7 @@ class WheelQuantity:
         return named(self.kind, self.axis)
 
 
-@dataclass(frozen=True)
+@frozen
 class VehicleQuantity:
     """A quantity of the vehicle, radians or metres; signed: False for a length."""
 

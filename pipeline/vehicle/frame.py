@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InputError
+from ..system import frozen
 from ..vectors import Array, cross, norm
 
 REFERENCE_WHEELS = ("RR", "RL", "FR", "FL")
@@ -24,7 +24,7 @@ MIN_AXLE_COSINE = 0.1
 MAX_COORDINATE_M = 1e10
 
 
-@dataclass(frozen=True)
+@frozen
 class VehicleFrame:
     """The frame of one vehicle, in scanner coordinates.
 

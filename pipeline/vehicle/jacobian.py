@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array
 from .angles import outward_normal
 from .autodiff import Dual, length
@@ -15,7 +15,7 @@ from .definitions import VEHICLE, WHEEL
 from .frame import REFERENCE_WHEELS, VehicleFrame, build_reference_frame
 
 
-@dataclass(frozen=True)
+@frozen
 class Linear:
     """All Q quantities of W targets: those of WHEEL, each for all targets, then those of VEHICLE.
 
@@ -27,7 +27,7 @@ class Linear:
     slopes: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class FrameSlopes:
     """Derivatives of the frame by the twelve coordinates of RR, RL, FR, FL.
 

@@ -7,10 +7,11 @@ or a shim, it is the plane nearest to the four heights on which the wheels stand
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Mask, Rows
 from .contact import Contact, find_contact
 
@@ -25,7 +26,7 @@ TWISTED = 3.0  # standard deviations of a twist
 LEAST_M = 1e-5  # below which heights are alike
 
 
-@dataclass(frozen=True)
+@frozen
 class Floor:
     """Plane of the floor: height in the vehicle frame = level + slopes . (left, forward).
 
@@ -87,7 +88,7 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
     return _stood_on(beside, _terms(middles_m) @ plane + offset_m, contacts, wheels_m)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Cells:
     """Means (C, 3) of the floor's points in cells, and the wheel (C,) that each is beside.
 
@@ -101,7 +102,7 @@ class _Cells:
     noise_m2: float
 
 
-@dataclass(frozen=True)
+@frozen
 class _Beside:
     """Floor of its own height beside each wheel, with common slopes: values (6,), heights first.
 

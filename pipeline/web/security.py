@@ -18,9 +18,10 @@ import ipaddress
 import secrets
 import socket
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ..errors import WheelplaneError
+from ..system import frozen
 
 KEY_HEADER = "X-Wheelplane-Key"
 SAFE_METHODS = ("GET", "HEAD")
@@ -56,7 +57,7 @@ class RefusedError(WheelplaneError):
         self.code = code
 
 
-@dataclass(frozen=True)
+@frozen
 class Guard:
     """Requirements on requests.
 

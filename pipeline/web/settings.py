@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
+
+from ..system import frozen
 
 GIB = 2**30
 
 
-@dataclass(frozen=True)
+@frozen
 class Endpoint:
     """Where the page is served: a host and port, or a Unix socket, to which a port is forwarded."""
 
@@ -18,7 +19,7 @@ class Endpoint:
     socket: Path | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class PageSettings:
     """Allowed folders and limits of the page.
 

@@ -12,11 +12,11 @@ radial, adds a cos k + b sin k and -f' (c cos k + d sin k). The height of each r
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Mask
 from .cells import Heights
 from .meridian import Meridian
@@ -30,7 +30,7 @@ SECTOR_PARTS, RING_PARTS = 24, 6
 SAMPLED, HALVINGS = 2000, 14  # cells and steps by which their spread is found
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class CellFit:
     """Solution over the cells of the rings used.
 
@@ -182,7 +182,7 @@ def _excess(rest: Array, white: Array, steep: Array) -> float:
     return high
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Normal:
     """Normal equations without the rings' heights.
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Mask, Rows
 from .normal_lines import Axis
 
 QUANTA = 1 << 20  # steps of a value by which points of a cell are sorted
 
 
-@dataclass(frozen=True)
+@frozen
 class Grid:
     """Rings of equal width about an axis from low_m outwards, each in equal sectors.
 
@@ -46,7 +45,7 @@ class Grid:
         return self.rings * self.sectors
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class CellPoints:
     """Points in the cells of a grid: cell, radius_m, height_m along the axis, each (N,)."""
 
@@ -76,7 +75,7 @@ class CellPoints:
         return CellPoints(self.grid, self.cell[kept], self.radius_m[kept], self.height_m[kept])
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Heights:
     """Heights over a meridian by cells, each (rings, sectors).
 

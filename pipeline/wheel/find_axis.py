@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..cloud import sample, voxels_without_strays
 from ..detection import planes_of
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..vectors import Array, plane_basis
 from .normal_lines import Axis, axis_of_normals
 
@@ -29,7 +30,7 @@ SAME_RAD, SAME_M = np.radians(0.5), 0.005  # of two axes that are one
 APART_M, RIVAL = 0.35, 0.5  # from the best place, and of its score: another wheel
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Pieces:
     """Small pieces of surface: centroid_m, normal (S, 3), count (S,) of points."""
 
@@ -38,7 +39,7 @@ class Pieces:
     count: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class RoughAxis:
     """An axis, its score and the largest radius of surfaces that slope towards or away from it.
 

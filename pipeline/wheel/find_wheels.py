@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from ..cloud import voxels_without_strays
 from ..detection import planes_of
 from ..errors import NotMeasuredError
 from ..plane import Patch
+from ..system import frozen
 from ..vectors import Array, Rows, plane_basis
 from .find_axis import SLANT, RoughAxis, find_axis
 from .find_patch import CHOSEN_M
@@ -35,7 +36,7 @@ TWIN_M = (0.1, 0.6)  # aside and along: of the inner wheel of two on one hub
 STANDS_M = (-0.08, 0.10)  # height of the axis less the largest radius seen
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Floor:
     """The floor: a point on it and its upward normal, each (3,)."""
 
@@ -47,7 +48,7 @@ class Floor:
         return np.asarray((points_m - self.point_m) @ self.up)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Cloud:
     """Points of a cloud, points_m (N, 3), that are looked up by places in it."""
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..errors import NotMeasuredError
+from ..system import frozen
 from ..vectors import Array
 from .cell_fit import CellFit, fit_cells
 from .cells import CellPoints, Grid
@@ -20,7 +19,7 @@ LEAST_RINGS = 3
 LEAST_KEPT = 0.5  # of the cells of a ring, below which it is not of revolution
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class AxisFit:
     """Fitted axis, with the evidence.
 

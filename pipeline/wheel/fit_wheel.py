@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from ..centre import CentreMethod, TargetFit
 from ..cloud import sample
 from ..errors import NotMeasuredError
 from ..plane import Patch
-from ..system import stage
+from ..system import frozen, stage
 from ..uncertainty import UncertaintyComponent
 from ..vectors import Array
 from .cell_fit import HARMONICS, TUKEY, root_of
@@ -36,7 +35,7 @@ OFF_CREST = 0.5  # of the height of a ridge over the rings beside it: uncertaint
 ARC = 0.13  # of the circle: the arc in which a tyre bulges, where it stands, by its most
 
 
-@dataclass(frozen=True)
+@frozen
 class WheelFit:
     """Fitted wheel, and what it rests on. level_m: of the centre along the axis of `fit`.
 

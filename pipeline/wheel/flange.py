@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Mask
 from .cells import CellPoints, Grid, medians
 from .fit_axis import AxisFit
@@ -29,7 +29,7 @@ ROUND = 0.6  # of a ring's cells at one height
 INCH_M, FLANGE_HEIGHT_M, SIZE_M = 0.0254, 0.0130, 0.012
 
 
-@dataclass(frozen=True)
+@frozen
 class Flange:
     """Radii of the flange's edge and of the groove between it and the tyre.
 

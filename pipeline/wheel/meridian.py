@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, Mask
 from .cells import CellPoints, Grid, Heights, clipped_means, medians
 
@@ -15,7 +14,7 @@ CLIP = 3.0  # of the noise of single points about the median of their cell
 MAD = 1.4826
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Meridian:
     """Heights, slopes and noise of single points, each (rings,); NaN where a ring is unknown."""
 

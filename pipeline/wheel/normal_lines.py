@@ -7,10 +7,9 @@ Source: Pottmann and Randrup, Computing 60 (1998) 307.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..system import frozen
 from ..vectors import Array, plane_basis
 
 ROUNDS = 12
@@ -18,7 +17,7 @@ CLIP = 2.5  # of the robust scale
 LEAST_SCALE_M = 1e-5
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Axis:
     """A line: a point on it, and its unit direction, each (3,)."""
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from ..config import Config
 from ..detection import find_targets
 from ..plane import Patch
+from ..system import frozen
 from ..targets import Target, WheelTarget
 from ..vectors import Array, Array32
 from .find_wheels import find_wheels
@@ -17,7 +17,7 @@ from .find_wheels import find_wheels
 SAME_M = 0.3  # apart: a target and the wheel behind it
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class VehicleScan:
     """Points of a vehicle, (N, 3), with what its file holds of them; see `find_targets`."""
 
@@ -28,7 +28,7 @@ class VehicleScan:
     axes: Sequence[Array | None]
 
 
-@dataclass(frozen=True)
+@frozen
 class WheelPlace:
     """Place of a wheel: what was found there, by the number of its kind; what shows it best first.
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..centre import CentreMethod
 from ..cloud import sample
 from ..plane import Patch
+from ..system import frozen
 from ..vectors import Array, Mask
 from .cells import CellPoints
 from .fit_wheel import START_POINTS, WheelFit
@@ -17,7 +16,7 @@ from .meridian import Meridian
 SHOWN = 1500  # points, cells that were kept, and cells that were rejected
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class WheelProfile:
     """Meridian of a wheel, heights from the centre outwards along the axis.
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
+
+from ...system import frozen
 
 TABLE = """
 CREATE TABLE calibration_rows(
@@ -17,7 +18,7 @@ CREATE VIEW calibrations AS
 """
 
 
-@dataclass(frozen=True)
+@frozen
 class CalibrationRow:
     """Calibration of a machine.
 

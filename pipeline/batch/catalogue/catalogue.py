@@ -17,12 +17,12 @@ import tempfile
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import IO, Any
 
 from ...errors import InputError
-from ...system import acquire, sync_folder
+from ...system import acquire, frozen, sync_folder
 from ..storage.entry import PARTIAL
 from ..storage.store import Store, open_store
 from .changes import Changes, in_folder, in_storage
@@ -36,7 +36,7 @@ from .sqlite_file import mark_verified, open_sqlite_file, write_sqlite_file
 FILE, LOCK = "catalogue.sqlite", "catalogue.lock"
 
 
-@dataclass(frozen=True)
+@frozen
 class Catalogue:
     """Open catalogue, read-only, usable from any thread; see `query` and `trends`.
 
@@ -113,7 +113,7 @@ def _require_results(store: Store, results: str) -> None:
         raise InputError(f"{results}: no results found: give the folder that `batch` wrote to")
 
 
-@dataclass(frozen=True)
+@frozen
 class _Workspace:
     """Folder for drafts, and the catalogue's file.
 

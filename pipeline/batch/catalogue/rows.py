@@ -8,11 +8,12 @@ import math
 import re
 import sqlite3
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
 from ...report.json.measurement import SCHEMA
+from ...system import frozen
 from .calibration_row import CalibrationRow, calibration_row
 
 MOST_POINTS = 2**53  # of a scan; a catalogue counts in 64 bits
@@ -29,7 +30,7 @@ SECTIONS = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class CaptureRow:
     """Capture and the outcome of its measurement.
 
@@ -59,7 +60,7 @@ class CaptureRow:
     md5: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class WheelRow:
     """Wheel or trial of a capture; None where not measured. u: standard uncertainty (k = 1)."""
 
@@ -75,7 +76,7 @@ class WheelRow:
     plane_rms_m: float | None
 
 
-@dataclass(frozen=True)
+@frozen
 class QuantityRow:
     """Quantity of the vehicle, such as rear_total_toe; unit: deg or m."""
 
@@ -85,7 +86,7 @@ class QuantityRow:
     unit: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Record:
     """All rows of one result."""
 

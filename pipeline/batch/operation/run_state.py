@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 
 from ...errors import InputError, printable
+from ...system import frozen
 from ..storage.store import Store
 
 FOLDER = "run/state/"
@@ -16,7 +17,7 @@ FORGET_S = 86400.0
 MOST_SHOWN = 10
 
 
-@dataclass(frozen=True)
+@frozen
 class AtWork:
     """Captures that a worker has been given together, and since when (seconds since 1970)."""
 

@@ -7,10 +7,9 @@ import json
 import math
 import time
 import uuid
-from dataclasses import dataclass
 
 from ...errors import printable
-from ...system import STAGES
+from ...system import STAGES, frozen
 from ..storage.store import Store
 
 FOLDER = "run/times/"
@@ -21,7 +20,7 @@ STEP_S = 1e-4  # of the bound in a file's name
 HEADS = ("copy", "identify", *STAGES, "other", "measure")
 
 
-@dataclass(frozen=True)
+@frozen
 class CaptureTime:
     """Seconds of a capture's measurement by stage, and the most memory of its worker process."""
 

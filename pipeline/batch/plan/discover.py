@@ -22,6 +22,7 @@ from ...capture import TABLES
 from ...errors import InputError
 from ...files import ARCHIVE_SUFFIXES, improper
 from ...readers import READERS, scan_suffix
+from ...system import frozen
 from ...vehicle import REFERENCE_WHEELS
 from ..storage.entry import DENIED, IMPROPER, MOST_LEVELS, OUTSIDE, TOO_DEEP, Entry
 
@@ -35,7 +36,7 @@ UNUSABLE = (*NOT_LISTED, IMPROPER)
 FIVE_POINT_S, SCANS_S, BYTES_PER_S = 0.008, 0.3, 1e8  # of one core: see `expected_s`
 
 
-@dataclass(frozen=True)
+@frozen
 class FoundCapture:
     """Capture of an archive: its name relative to the archive, its kind, its files by name.
 
@@ -89,7 +90,7 @@ class ListedCapture(NamedTuple):
     expected_s: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Captures:
     """Captures that were found, listed on disk, iterable any number of times.
 

@@ -8,7 +8,6 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from ... import __version__
@@ -16,6 +15,7 @@ from ...capture import files_of, find_capture_file, read_capture_file
 from ...errors import WheelplaneError
 from ...files import improper, lies_in, path_below, sha256
 from ...report.json.measurement import SCHEMA
+from ...system import frozen
 from ..storage.entry import Entry
 from ..storage.store import Store
 from .discover import FoundCapture
@@ -26,7 +26,7 @@ UNREADABLE, OUTSIDE = "unreadable", "outside the archive"
 MISSING = "missing"  # stamp
 
 
-@dataclass(frozen=True)
+@frozen
 class Identity:
     """Capture identified by its content.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from ...errors import InputError
 from ...five_point import Station
 from ...measurement import VerticalKind
 from ...report.json.measurement import SCHEMA
+from ...system import frozen
 from ...targets import TargetChoice
 from ...units import AngleUnit, Azimuth, Coordinates
 from .discover import Kind
@@ -23,7 +24,7 @@ from .discover import Kind
 DEFAULT, OF_CLOUDS = Config(), CaptureOptions(of_clouds=True)
 
 
-@dataclass(frozen=True)
+@frozen
 class BatchSettings:
     """All that changes a result apart from the capture itself.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 
 from ...errors import InputError
+from ...system import frozen
 
 
-@dataclass(frozen=True)
+@frozen
 class Shard:
     """Shard k of n, counted from 1."""
 

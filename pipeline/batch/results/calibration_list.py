@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, fields
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from ...report.format.view import PAPER, View
 from ...report.format.writer import Table, Writer
 from ...report.tables.conformity import decided
 from ...report.text.plain import plain_writer
+from ...system import frozen
 from ..catalogue.calibration_row import CalibrationRow
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.load_records import json_name
@@ -23,7 +24,7 @@ from .export import ExportColumns
 from .query import ALL, Filter, condition
 
 
-@dataclass(frozen=True)
+@frozen
 class ListedCalibration:
     """Calibration of a machine by a capture, with the capture's name and date."""
 

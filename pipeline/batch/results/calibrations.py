@@ -7,7 +7,6 @@ import math
 import os
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 
 from ...errors import InputError, fact_of
 from ...report.format.digits import decimal
+from ...system import frozen
 from ...uncertainty import quantile
 from ...vectors import Array
 from ..catalogue.calibration_row import final
@@ -27,7 +27,7 @@ SCHEMA = "wheelplane/calibration/1"
 LONGEST_DAYS = 5.0 * 365.25  # beyond which no interval is proposed
 
 
-@dataclass(frozen=True)
+@frozen
 class Interval:
     """Interval until the next calibration by one quantity's drift, days from the last one.
 
@@ -42,7 +42,7 @@ class Interval:
     margin: float
 
 
-@dataclass(frozen=True)
+@frozen
 class MachineHistory:
     """Calibrations of a machine by its serial number: files in the order of their dates.
 
@@ -186,7 +186,7 @@ def _values(quantities: Sequence[dict[str, Any]]) -> dict[str, tuple[str, float,
     return found
 
 
-@dataclass(frozen=True)
+@frozen
 class _History:
     """Values as they would have been without adjustments: common (N, N), their covariance by these.
 

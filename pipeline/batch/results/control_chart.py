@@ -11,10 +11,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...system import frozen
 from ...vectors import Array, Mask
 from ..catalogue.catalogue import Catalogue
 from .query import ALL, Filter
@@ -25,7 +25,7 @@ RANGE_LIMIT = 1.0 + 3.0 * D3 / D2  # of moving ranges, in their mean: D4
 RULES = range(1, 9)
 
 
-@dataclass(frozen=True)
+@frozen
 class ControlLimits:
     """Mean, standard deviation by moving ranges, and 3-sigma limits of values and ranges."""
 
@@ -37,7 +37,7 @@ class ControlLimits:
     range_upper: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Point:
     """Value of one capture; moving_range: from the point before, None of the first.
 
@@ -56,7 +56,7 @@ class Point:
     jumps: bool
 
 
-@dataclass(frozen=True)
+@frozen
 class ControlChart:
     """Points in the order of their dates, or of all names where fewer than two have one.
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ...errors import printable
 from ...report.format.writer import NONE, Column, Columns, Table, Writer
 from ...report.html.document import Document, Part, Section
 from ...report.html.results import Headline
+from ...system import frozen
 from ..catalogue.catalogue import Catalogue
 from .listing import angles_of
 from .query import REFERENCE_ANGLES, Filter, by_status, captures, failures
@@ -38,7 +38,7 @@ MOST_TRENDS = 12  # drawn, of the significant drifts
 LISTS = ("list", "summary", "drift", "worst", "failures")
 
 
-@dataclass(frozen=True)
+@frozen
 class Selection:
     """Content of a report on a catalogue: captures, quantities, and which of LISTS.
 

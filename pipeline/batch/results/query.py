@@ -6,13 +6,14 @@ import difflib
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import date
 from typing import Literal
 
 import numpy as np
 
 from ...errors import InputError, printable
+from ...system import frozen
 from ...vehicle import REFERENCE_WHEELS
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.columns import ANGLES, Numbers, captures_of, column_of
@@ -23,7 +24,7 @@ from ..catalogue.schema import CAPTURE_COLUMNS, WHEEL_COLUMNS, identity
 Order = Literal["name", "date", "vehicle", "status"]
 
 
-@dataclass(frozen=True)
+@frozen
 class ValueRange:
     """Range of a quantity, such as "RR toe" or "rear_total_toe", in its unit."""
 
@@ -32,7 +33,7 @@ class ValueRange:
     high: float = float("inf")
 
 
-@dataclass(frozen=True)
+@frozen
 class Filter:
     """Filter of captures; all given conditions must hold.
 
@@ -60,7 +61,7 @@ FEW = 0.1  # of all captures, of which each is looked up
 REFERENCE_ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ANGLES)
 
 
-@dataclass(frozen=True)
+@frozen
 class FailureGroup:
     """Captures not measured in full, for reasons that are equal except for numbers."""
 

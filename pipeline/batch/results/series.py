@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from ...cloud import side_by_side
+from ...system import frozen
 from ...vectors import Array, Mask
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.columns import captures_of, column_of
@@ -18,7 +18,7 @@ from .query import ALL, Filter, chosen, in_doubt_of, known_quantity, quantity_un
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+@frozen
 class Series:
     """One quantity over the captures that have it, in the order of their keys.
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ...errors import InputError
+from ...system import frozen
 from ..catalogue.catalogue import Catalogue
 
 READING = {
@@ -20,7 +20,7 @@ TABLES = "captures, wheels, quantities, calibrations"
 STEPS = 100_000  # instructions of SQLite between two checks for signals
 
 
-@dataclass(frozen=True)
+@frozen
 class Answer:
     """Column names and rows, the rows as an iterator."""
 

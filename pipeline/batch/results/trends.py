@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
+from ...system import frozen
 from ...uncertainty import quantile, tail
 from ...vectors import NORMAL_OF_MAD, Array
 from ..catalogue.catalogue import Catalogue
@@ -36,7 +37,7 @@ BLOCK = 16_384  # values of 128 kB
 MONTH_DAYS = 30.0  # to which slopes are stated
 
 
-@dataclass(frozen=True)
+@frozen
 class Summary:
     """Summary statistics of one quantity over n captures.
 
@@ -58,7 +59,7 @@ class Summary:
     u_rms: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Drift:
     """Straight line over time, value = at_mean + slope (day - mean_day).
 
@@ -84,7 +85,7 @@ class Drift:
     reason: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class Outlier:
     """Value of a capture far from the median.
 
@@ -186,7 +187,7 @@ def drift(one: Series, common: Array | None = None) -> Drift:
     )
 
 
-@dataclass(frozen=True)
+@frozen
 class _Line:
     """Weighted line; steepness: weighted sum of squared distances from mean_day."""
 

@@ -7,7 +7,7 @@ import re
 import tempfile
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from ...measurement import Measurement
 from ...report.json.calibration import SCHEMA as CALIBRATION_SCHEMA
 from ...report.json.calibration import calibration_tree
 from ...report.json.measurement import SCHEMA, to_tree
-from ...system import stage
+from ...system import frozen, stage
 from ..plan.discover import Kind
 from ..plan.machine_files import has_machine, in_words, machine_files
 from ..plan.settings import BatchSettings
@@ -30,7 +30,7 @@ from ..storage.entry import legible
 from .stages import error_chain, stage_of, transient_fault
 
 
-@dataclass(frozen=True)
+@frozen
 class Subject:
     """Capture called `name`, whose local copy is at `source`, and how to measure it.
 
@@ -47,7 +47,7 @@ class Subject:
     archive: Path | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class Outcome:
     """Status of a capture (ok, part, failed, quarantined), with stage and reason of a failure.
 
@@ -59,7 +59,7 @@ class Outcome:
     reason: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class Result:
     """JSON of a capture, its outcome, and the log of a failure.
 

@@ -9,13 +9,13 @@ import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 from ... import __version__
 from ...errors import WheelplaneError
-from ...system import peak_bytes, taken
+from ...system import frozen, peak_bytes, taken
 from ..catalogue.history import is_retried
 from ..catalogue.load_records import json_name
 from ..catalogue.rows import read_record
@@ -47,7 +47,7 @@ RECOGNISED = Outcome("recognised")
 VANISHED = Outcome("vanished")
 
 
-@dataclass(frozen=True)
+@frozen
 class RunRequest:
     """Request of a run, common to all its tasks.
 
@@ -61,7 +61,7 @@ class RunRequest:
     retry: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class Task:
     """One capture, or several small ones.
 
@@ -80,7 +80,7 @@ class ArchiveError(TransientError):
     """Files of a capture that cannot be read from the archive."""
 
 
-@dataclass(frozen=True)
+@frozen
 class CompletedCapture:
     """Capture with its outcome.
 

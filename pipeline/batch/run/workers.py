@@ -6,12 +6,11 @@ import os
 import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import InputError
 from ...readers import child_environment
-from ...system import machine_bytes
+from ...system import frozen, machine_bytes
 from ..operation.run_state import AtWork
 from .work import CompletedCapture, Task
 from .worker_process import WorkerProcess
@@ -19,7 +18,7 @@ from .worker_process import WorkerProcess
 LEAST_BYTES = 256 * 2**20
 
 
-@dataclass(frozen=True)
+@frozen
 class Limits:
     """Limits of one task: seconds, and bytes of memory; None for an equal share of memory."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+from ...system import frozen
 
 OUTSIDE = "link to a folder outside"  # stamp
 IMPROPER = "a name that no file can have"  # stamp
@@ -14,7 +15,7 @@ PARTIAL = ".partial"  # folder of files being written, which is never listed
 NO_TEXT = re.compile("[\udc80-\udcff]")  # a byte that is not UTF-8, as Python keeps it (PEP 383)
 
 
-@dataclass(frozen=True)
+@frozen
 class Entry:
     """File of a store.
 

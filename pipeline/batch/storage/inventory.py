@@ -10,11 +10,11 @@ import importlib
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, MissingDependencyError, fact_of
+from ...system import frozen
 from .store import Store, open_store
 
 MEMORY = "100MB"  # for sorting; what is beyond goes to disk
@@ -26,7 +26,7 @@ WHERE {bucket} = $bucket AND starts_with(name, $prefix) AND {current} ORDER BY n
 """
 
 
-@dataclass(frozen=True)
+@frozen
 class Inventory:
     """Inventory of the bucket `source`. files: keys of its files in `store`, with their MD5."""
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ...config import EnvironmentConfig, LaboratoryConfig, StandardConfig
 from ...errors import ConfigError, InputError
+from ...system import frozen
 from ..records import Calibration
 from .file import CertificateConfig, CertificateFile
 
@@ -21,7 +22,7 @@ OF_STANDARD = ("serial", "certificate", "issuer", "due")
 OF_ENVIRONMENT = ("temperature_c", "sensors")
 
 
-@dataclass(frozen=True)
+@frozen
 class Missing:
     """Something that the certificate lacks: the key of its table, and of which standard."""
 
@@ -30,7 +31,7 @@ class Missing:
     name: str = ""
 
 
-@dataclass(frozen=True)
+@frozen
 class Certificate:
     """A calibration with all that its certificate states.
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
 from ...measurement import Value, angle_rad
+from ...system import frozen
 from ...vehicle import Unit
 
 Subject = Literal["wheel", "axle", "vehicle", "turn"]
 AXLES, TURNS, VEHICLE = ("front", "rear"), ("left", "right"), ("vehicle",)
 
 
-@dataclass(frozen=True)
+@frozen
 class MachineQuantity:
     """A quantity of a machine under test.
 

@@ -6,13 +6,13 @@ import hashlib
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from typing import Literal, get_args
 
 from ...errors import Wording
 from ...measurement import Value, read_value
+from ...system import frozen
 from ...units import in_metres
 from .item import Item
 from .quantities import QUANTITIES, MachineQuantity, indicated, units_of
@@ -39,7 +39,7 @@ _DECIMAL = re.compile(r"([-+]?)(\d*)([.,]?)(\d*)")
 _COMMA_WITHIN = re.compile(r"(?<=\d),(?=\d)")
 
 
-@dataclass(frozen=True)
+@frozen
 class Reading:
     """One reading, radians or metres, in the item's axis and sign.
 
@@ -58,7 +58,7 @@ class Reading:
     row: int
 
 
-@dataclass(frozen=True)
+@frozen
 class Readings:
     """Readings of one file, in its order, and the file's sha256."""
 

@@ -8,12 +8,12 @@ import importlib
 import io
 import zipfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 from ...errors import InputError, MissingDependencyError, Wording, fact_of, remedy_of
+from ...system import frozen
 from .fault import Fault, summed_up
 
 MAX_BYTES, MAX_UNPACKED, MAX_ROWS, MAX_COLUMNS = 16 << 20, 256 << 20, 20_000, 256
@@ -26,7 +26,7 @@ BEYOND = (
 )
 
 
-@dataclass(frozen=True)
+@frozen
 class Unusable:
     """Cell of a spreadsheet that holds no text and no number; fact: "" where another says it."""
 
@@ -37,7 +37,7 @@ Cell = str | float
 AnyCell = Cell | Unusable
 
 
-@dataclass(frozen=True)
+@frozen
 class Row:
     """Row of a table: its number in the file, from 1, and its cells that are not empty.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
+from ...system import frozen
 from ...targets import Outline, sector
 from ...vectors import Array, Mask, turned
 from .beams import BEAM, CENTRE, INVERSE, MIN_DEPTH_M, ROTATION, SPOT, Beams, carry
@@ -80,7 +80,7 @@ def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) 
     return found
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Shadow:
     """State (14,) whose beams explain the shadow's edge in so many of the sectors that show it."""
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from ...config import CentreConfig
+from ...system import frozen
 from ...targets import Outline, sector
 from ...vectors import Array, Mask, Rows, turned
 from .mixed_pixel import END
@@ -31,7 +32,7 @@ SPARSE, MAX_SPREAD_SPARSE = 16, 0.4  # the same of sectors of fewer points, whic
 NEXT_M, OFF_ROUGH, OFF_SHARE, LEAST_OTHER, MOST_OTHER = 0.003, 4.0, 0.15, 3, 0.3
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Background:
     """Clean background by sector, (K,) each: a line of depth over x, and where it can be used.
 
@@ -231,7 +232,7 @@ MIN_DEPTH_M = 0.006  # least depth of a background
 PARALLEL = 1e-3  # inverse distance, 1/m, up to which beams count as parallel
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Prior:
     """Prior of the state: mean and weight, one over the variance; (14,) each."""
 
@@ -399,7 +400,7 @@ def pointed(state: Array, station: Array, centre: Array) -> Array:
     return state
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Beams:
     """Beams carried to the plane, (N,) each or (N, 2): x outside the edge, its normal rho, tau.
 

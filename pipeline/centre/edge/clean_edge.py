@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from ...system import frozen
 from ...targets import sector
 from ...vectors import NORMAL_OF_MAD, Array, Mask
 from .beams import (
@@ -125,7 +126,7 @@ def gapped_equations(
     return _linearised(problem, state, robust, rough, parted)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Parted:
     """Where returns part by the slope of the wall against the beams: state (14,), slopes tau (K,).
 
@@ -380,7 +381,7 @@ def _wall_slope(beams: Beams, thickness_m: float) -> Array:
     return np.asarray(slope - bend * np.clip(depth, 0.0, thickness_m))
 
 
-@dataclass(frozen=True)
+@frozen
 class _Spacing:
     """Spacing of beams across the edge, gap_m, and number of sectors for the nearest on a side."""
 

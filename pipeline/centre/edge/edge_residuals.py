@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from ...system import frozen
 from ...targets import Outline, sector
 from ...vectors import Array, Mask, Rows
 from .beams import (
@@ -62,7 +63,7 @@ SINGULAR = 1e-9  # of each parameter's information, added where rounding has lef
 RANK = 1e-3  # of zones' information: what the other parameters leave of it, if anything
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class EdgeProblem:
     """Points near the edge, (N, 2) in the plane and (N,) deep, in random order; the state's prior.
 
@@ -153,7 +154,7 @@ class EdgeProblem:
         return self._kept[key]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Zones:
     """Logs (ZONES,) of each zone's reflectance ratio over that of all; sigma, their scatter."""
 
@@ -176,7 +177,7 @@ class Zones:
         return self.sigma**-2
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Equations:
     """Points near the edge, linearised: residual = slopes @ step.
 

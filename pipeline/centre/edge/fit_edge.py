@@ -9,12 +9,11 @@ edge, and estimates the scanner's position from the points themselves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ...cloud import sample, sample_rows
 from ...config import CentreConfig
+from ...system import frozen
 from ...targets import Outline
 from ...vectors import Array
 from .beam_direction import (
@@ -55,7 +54,7 @@ MOST_UNSEEN = 0.12
 NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Aim:
     """Start of a fit: state (14,); station (3,) that its beams come from, if one is known."""
 
@@ -224,7 +223,7 @@ def square_on(thickness_m: float | None, config: CentreConfig, start: tuple[Arra
     return Aim(begin)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Behind:
     """Background behind an outline: seen, whether there is any; beam, slope that explains it.
 

@@ -12,11 +12,11 @@ exp(-2 (r/s)^2), whose standard deviations across an edge are the same, s/2.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
+from ...system import frozen
 from ...vectors import Array
 
 UNIFORM, GAUSSIAN = 0.0, 1.0
@@ -30,7 +30,7 @@ LEAST_LIGHT = 1e-6  # of a footprint's, where returns cancel, or none is near
 END, _STEPS = 2.0, 8000  # of the tables, in radii on both sides
 
 
-@dataclass(frozen=True)
+@frozen
 class Profile:
     """Shares of a footprint of unit radius beyond a straight edge, u outside it.
 
@@ -68,7 +68,7 @@ def profile_of(shape: float) -> Profile:
     return Profile(shape)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Footprint:
     """Shares of a footprint of unit radius beyond straight edges, (N,) each.
 
@@ -130,7 +130,7 @@ _G = np.concatenate(
 _BY_SHAPE = _F[1] - _F[0], _G[1] - _G[0]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class EdgeProfile:
     """Mean depth (N,) over the footprint, and its derivatives, (N,) each.
 
@@ -157,7 +157,7 @@ class EdgeProfile:
     d_modulation: Array | float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Sum:
     """Measured range (N,) of two returns in one footprint, and its derivatives, (N,) each.
 

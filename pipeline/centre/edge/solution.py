@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from ...system import frozen
 from ...targets import Outline, Polygon, sector
 from ...vectors import Array, Mask
 from .beams import (
@@ -53,7 +54,7 @@ FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
-@dataclass(frozen=True)
+@frozen
 class EdgeFit:
     """Centre of an outline in the plane, and the other estimates of its fit.
 
@@ -159,7 +160,7 @@ class EdgeFit:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Solution:
     """Last state (14,) of a fit, with the zones after its last step, which moved the centre last_m.
 

@@ -7,12 +7,11 @@ first one (issue 22288).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from ...cloud import load_opencv
+from ...system import frozen
 from ...vectors import Array, Mask
 
 Grey = npt.NDArray[np.uint8]
@@ -20,7 +19,7 @@ QUIET = 12  # pixels of margin, without which markers at the image's border are 
 MIN_CORNERS = 3  # rows and columns of a partly hidden board
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Markers:
     """Markers found: ids (K,); corners (K, 4, 2), pixels, clockwise from each one's upper left."""
 

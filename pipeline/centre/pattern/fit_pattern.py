@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ...system import frozen
 from ...targets import PatternTarget
 from ...vectors import Array, turned
 from .detect import marker_bits
@@ -19,7 +20,7 @@ ROUNDS = 3
 OUTLIER = 4.0  # times the robust scatter of the features about their positions
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class PatternFit:
     """Pose of a printed pattern in the plane's coordinates.
 
@@ -52,7 +53,7 @@ class PatternFit:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class IntensityPoints:
     """Points on a target: uv_m (N, 2) where their beams met the plane, intensity (N,).
 
@@ -71,7 +72,7 @@ class IntensityPoints:
         return IntensityPoints(self.uv_m * over, self.intensity, self.beam * over, self.spot_m)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Feature:
     """One feature: position (2,) in target axes, half the window about it, and its shading."""
 

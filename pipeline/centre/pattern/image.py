@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from ...system import frozen
 from ...vectors import Array
 
 GREY_LIMITS = (0.02, 0.98)  # quantiles of the intensities that become black and white
@@ -14,7 +13,7 @@ MAX_PIXELS = 1600  # along an edge
 FILL_ROUNDS = 4
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class TargetImage:
     """Grey image as seen from the scanner, u to the right and v up.
 

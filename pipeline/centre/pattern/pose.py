@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ...system import frozen
 from ...targets import PatternTarget
 from ...vectors import Array, turned
 from .detect import Markers, find_circles, find_corners, find_markers
@@ -16,7 +15,7 @@ FOUND_SHARE = 0.3  # of the features, at least, that must be found
 ROTATION_STEP_OF_PITCH = 0.25  # step of the rotations that are tried, at the pattern's border
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Pose:
     """A target's axes in the plane: centre_m (2,), rotation_rad. found: number of matched features.
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...system import frozen
 from ...vectors import Array
 from ..edge.mixed_pixel import chord, spot_share
 
@@ -15,7 +15,7 @@ MAX_STEPS, STEP_OF_BLUR = 30, 1e-4
 MIN_CONTRAST = 2.0  # of the edge, over the scatter of the intensities
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Shading:
     """Basis (N, T) of a feature's intensity about its centre, and its derivatives by u and v.
 

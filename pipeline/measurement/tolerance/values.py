@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Literal
 
+from ...system import frozen
 from ...units import in_metres
 
 Scale = Literal["deg", "mm/m", "m"]
@@ -23,7 +23,7 @@ _LINEAR = rf"{_SIGN}{_NUMBER}\s*(mm/m|mm|m|in)\s*"
 FORMS = "0°10', 10', 0.17°, 2.5 mm/m or 1.5 mm"
 
 
-@dataclass(frozen=True)
+@frozen
 class ToleranceInterval:
     """Interval from lower to upper, both included, radians or metres; infinite without a limit.
 
@@ -47,7 +47,7 @@ class ToleranceInterval:
         return self.upper - self.lower
 
 
-@dataclass(frozen=True)
+@frozen
 class Value:
     """A number on the scale of its unit: degrees, mm/m (1000 tan of an angle), or metres."""
 

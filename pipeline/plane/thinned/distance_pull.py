@@ -13,10 +13,10 @@ thinned otherwise looks the same, and is not off. So this is an uncertainty, not
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...system import frozen
 from ...vectors import Array, Rows, in_axes
 from ..fit_plane import PlaneFit
 from ..patch import Patch
@@ -38,7 +38,7 @@ STEPS_APART = 3.0  # steps of rounded coordinates, that a least distance is long
 ENOUGH = 15_000  # points by which the pull is found
 
 
-@dataclass(frozen=True)
+@frozen
 class DistancePull:
     """Least distance between points, and by how much it may pull the plane along its normal.
 
@@ -83,7 +83,7 @@ def _on_plane(face_m: Array, patch: Patch, plane: PlaneFit) -> Array:
     return np.asarray(points[np.abs(points[:, 2]) < USED * plane.sigma_m])
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Beams:
     """Beams of points (N, 3), in the plane's coordinates and the order of the file.
 
@@ -113,7 +113,7 @@ class _Beams:
         return before_m, np.sqrt(np.maximum(np.sum(apart**2, axis=1) - before_m**2, 0.0))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Hindrances:
     """Parts of beams (K,) from low_m to high_m before the plane, in which nothing was kept."""
 

@@ -17,11 +17,10 @@ from a tilt: none is removed, and k times the tilt is in the covariance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ...cloud import VoxelLattice
+from ...system import frozen
 from ...vectors import Array
 from ..correlated_noise import erf
 
@@ -38,7 +37,7 @@ STEPS, SETTLED = 60, 1e-3  # of Gauss-Newton; the size of the last, by its u
 LEAST_SLOPE = 0.05  # of the mean height by the plane's
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Thinning:
     """Effect of a voxel lattice on a plane.
 
@@ -50,7 +49,7 @@ class Thinning:
     covariance: Array
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class LatticePull:
     """Pull of a lattice, fitted together with a plane z = h + slopes . (xy - middle).
 

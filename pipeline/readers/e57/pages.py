@@ -6,12 +6,12 @@ Format: ASTM E2807-11, 6.1 to 6.3. Physical offsets count the checksums, logical
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
+from ...system import frozen
 from ..faults import fault
 from ..source import Source
 
@@ -23,7 +23,7 @@ _HEADER = struct.Struct("<8sIIQQQQ")
 _CASTAGNOLI = 0x82F63B78  # the polynomial of CRC-32C, reflected
 
 
-@dataclass(frozen=True)
+@frozen
 class Pages:
     """Payload of the pages of an E57 file."""
 

@@ -6,11 +6,11 @@ Format: ASTM E2807-11, 8.4.3 (data3D), 8.4.4 (points), 5.3 and table 9 (fields a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from ...errors import InputError
+from ...system import frozen
 from ..faults import fault
 from ..source import RawPart, Source, shown
 from .xml import Element
@@ -23,7 +23,7 @@ UNIT = 1e-6  # single precision, and then some
 INT64 = range(-(2**63), 2**63)
 
 
-@dataclass(frozen=True)
+@frozen
 class Field:
     """A field of every point; bits: what a point takes in the file, 0 for a constant."""
 
@@ -32,7 +32,7 @@ class Field:
     bits: int
 
 
-@dataclass(frozen=True)
+@frozen
 class E57Scan:
     """One scan: `points_at` is the physical offset of its binary section."""
 

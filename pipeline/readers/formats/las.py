@@ -10,10 +10,10 @@ import math
 import os
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...system import frozen
 from ..faults import fault, too_long, too_short
 from ..parsing.binary import record_blocks
 from ..sandbox.client import find_library, run_child
@@ -180,7 +180,7 @@ _RECORD = struct.Struct("<2x16sHH32x")
 _LONG_RECORD = struct.Struct("<2x16sHQ32x")
 
 
-@dataclass(frozen=True)
+@frozen
 class LasHeader:
     """The part of a header that is needed to find the points.
 

@@ -11,12 +11,13 @@ import math
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ...system import frozen
 from ..faults import fault, too_long, too_short
 from ..parsing.binary import CHUNK_BYTES, record_blocks
 from ..parsing.columns import MOST_UNNAMED, check_unnamed, find_layout, unnamed_layout
@@ -30,7 +31,7 @@ _CHECKED_ROWS = 1000
 _NUMBER_KINDS = "fiu"
 
 
-@dataclass(frozen=True)
+@frozen
 class Header:
     """An NPY header; the array's bytes follow it."""
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import accumulate
 
 import numpy as np
 
+from ...system import frozen
 from ..colour import PACKED
 from ..faults import fault, too_long, too_many, too_short
 from ..memory import check_memory
@@ -132,7 +133,7 @@ _LONGEST_LINE = 1 << 16
 _MOST_LINES = 5000
 
 
-@dataclass(frozen=True)
+@frozen
 class PcdField:
     """One field: `count` values of a numpy scalar type."""
 
@@ -142,7 +143,7 @@ class PcdField:
     count: int
 
 
-@dataclass(frozen=True)
+@frozen
 class PcdHeader:
     """A PCD header. points: declared; lines: of the header; layout: indices into `fields`."""
 

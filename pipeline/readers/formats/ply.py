@@ -5,12 +5,13 @@ from __future__ import annotations
 import mmap
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import accumulate
 
 import numpy as np
 
 from ...errors import InputError
+from ...system import frozen
 from ..faults import fault, too_long, too_many, too_short
 from ..parsing.ascii import table_blocks
 from ..parsing.binary import record_blocks
@@ -98,7 +99,7 @@ _LONGEST_LINE = 1 << 16
 _MOST_LINES = 5000
 
 
-@dataclass(frozen=True)
+@frozen
 class PlyProperty:
     """A property: numpy scalar type without byte order, and that of a list's length, or None."""
 
@@ -112,7 +113,7 @@ class PlyProperty:
         return int(self.form[1])
 
 
-@dataclass(frozen=True)
+@frozen
 class PlyElement:
     """An element: `count` records of the same properties."""
 
@@ -131,7 +132,7 @@ class PlyElement:
         return sum(prop.size for prop in self.properties)
 
 
-@dataclass(frozen=True)
+@frozen
 class PlyHeader:
     """A PLY header. order: "<" or ">", "" for ascii; lines: of the header, end_header included."""
 
@@ -220,7 +221,7 @@ def _strange(number: int, line: str, source: Source) -> InputError:
 _STRUCT = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
 
 
-@dataclass(frozen=True)
+@frozen
 class _Step:
     """A property of a record: a value of `size` bytes, or a counted list of them."""
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 
+from ...system import frozen
 from ..faults import fault, too_long, too_many, too_short
 from ..parsing.ascii import signs_as_nan, table_blocks
 from ..parsing.lines import Lines, count_lines, pass_blank_lines, pass_lines
@@ -29,7 +29,7 @@ _LONGEST_LINE = 1 << 16
 _MOST_BLOCKS = 10_000
 
 
-@dataclass(frozen=True)
+@frozen
 class _Run:
     """Rows of one block, an upper bound if it has no count; line: number of its first row."""
 

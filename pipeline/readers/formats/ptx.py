@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 
 from ...errors import InputError
+from ...system import frozen
 from ...vectors import Array
 from ..faults import fault, too_many
 from ..parsing.ascii import table_blocks
@@ -28,7 +28,7 @@ _LONGEST_LINE = 1 << 16
 _MOST_SCANS = 10_000
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class _Raster:
     """One raster: its columns and rows, its pose, and the line number of its first row."""
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from ...system import frozen
 from ..faults import fault, too_short
 from ..parsing.ascii import Cells, NumberTable, is_label, table_blocks
 from ..parsing.columns import MOST_UNNAMED, check_unnamed, find_layout, unnamed_layout
@@ -23,7 +23,7 @@ from ..source import Layout, RawCloud, Source, shown
 from .gocator import is_gocator, read_gocator
 
 
-@dataclass(frozen=True)
+@frozen
 class _Form:
     """Form of the rows: where x, y and z are, or the heights that they are a matrix of."""
 

@@ -7,13 +7,12 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
 
 import numpy as np
 
-from ...system import MemoryFile, memory_file
+from ...system import MemoryFile, frozen, memory_file
 from ...vectors import Array
 from ..faults import fault
 from ..source import Source, shown
@@ -42,7 +41,7 @@ _LONGEST_FOOTER = 10_000  # lines
 _FIELD_NAME = re.compile(r"[\"'(\[]?[^\W\d][^,;\t]*[:=]")
 
 
-@dataclass(frozen=True)
+@frozen
 class Cells:
     """What the cells of a table may hold besides numbers.
 

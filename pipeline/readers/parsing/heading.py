@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from ...system import frozen
 from ..faults import fault, too_many, too_short
 from ..source import Layout, Source, shown
 from .ascii import cells_of, content, has_decimal_comma, is_missing, is_prose
@@ -19,7 +20,7 @@ _WORDS = re.compile(r'"[^"]*"|[^\s,;]+')
 Line = tuple[int, str]  # its number in the file, its text
 
 
-@dataclass(frozen=True)
+@frozen
 class Heading:
     """Lines above the rows, without the blank ones, and the first row that holds a number.
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...system import frozen
 from ...vectors import Array
 from ..faults import fault
 from ..source import Block, Source
@@ -33,7 +33,7 @@ _FEWEST_NINES, _FEWEST_IN_STEPS, _LONGEST_LINE = 4, 8, 200
 _APART = 0.25  # of the span of the other heights: a mark lies farther from the nearest of them
 
 
-@dataclass(frozen=True)
+@frozen
 class Heights:
     """A matrix of heights: x and y step by `pitch`, in `unit` if stated; `none`: no height."""
 

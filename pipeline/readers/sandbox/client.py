@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
 from ...errors import MissingDependencyError
+from ...system import frozen
 from ..faults import too_long, too_short
 from ..source import Source
 from .process import SLOTS, Job, started
@@ -22,7 +22,7 @@ START_S = 60.0  # the interpreter and the library come from a disk that may be s
 IDLE_S, IDLE_BYTES_PER_S = 7.0, 20e6
 
 
-@dataclass(frozen=True)
+@frozen
 class Filled:
     """Decoded rows of one part; the memory is overwritten after the next one."""
 

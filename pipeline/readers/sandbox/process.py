@@ -14,12 +14,11 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, MissingDependencyError
-from ...system import MemoryFile, apart, inherits_descriptors, memory_file, read_within
+from ...system import MemoryFile, apart, frozen, inherits_descriptors, memory_file, read_within
 from ..faults import fault
 from ..source import Source, shown
 from .environment import child_environment
@@ -32,7 +31,7 @@ LONGEST_TEXT = 400
 DAMAGED = "the file is damaged; copy or export it again"
 
 
-@dataclass(frozen=True)
+@frozen
 class Job:
     """Task of a child, and its limits.
 
@@ -52,7 +51,7 @@ class Job:
     script: Path = SCRIPT
 
 
-@dataclass(frozen=True)
+@frozen
 class Child:
     """A running child, the pipe of its messages, and the slots it fills."""
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ...explanation import ExplainedCandidate, ExplainedScan
+from ...system import frozen
 from ...vectors import Array, plane_basis
 from ..format.language import Translations
 from ..plots.drawing import INK, PALE, Drawing, Mark, Path, Raster, Text, cut, rectangle
@@ -93,7 +92,7 @@ def best_drawing(scan: ExplainedScan, words: Translations) -> Drawing | None:
     return Drawing(SIDE + 2 * LEFT, HEAD + SIDE + FOOT, title, marks)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Seen:
     """Area of the picture: axes (3, 3) of `_view`, lower left corner (2,) and size (2,), m."""
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, MissingDependencyError
+from ...system import frozen
 
 NAMESPACES = {
     "dcc": "https://ptb.de/dcc",
@@ -16,7 +17,7 @@ NAMESPACES = {
 }
 
 
-@dataclass(frozen=True)
+@frozen
 class Element:
     """An element, its name with a prefix of NAMESPACES: a text or other elements."""
 

@@ -8,12 +8,12 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, fact_of, remedy_of
 from ...measurement import Measurement
+from ...system import frozen
 from ...vehicle import named
 from .view import DEFINED
 
@@ -22,7 +22,7 @@ SCALE = {"deg": math.radians(1.0), "m": 1.0}
 STEERING = ("caster", "inclination")
 
 
-@dataclass(frozen=True)
+@frozen
 class Known:
     """A value with its standard and expanded uncertainty, radians or metres."""
 
@@ -36,7 +36,7 @@ class Known:
         return Known(self.value - other.value, u, expanded)
 
 
-@dataclass(frozen=True)
+@frozen
 class Earlier:
     """Content of measurement.json, by name: `RR.toe`, `thrust_angle`, `FL.caster`.
 

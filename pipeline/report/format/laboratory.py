@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import base64
-from dataclasses import dataclass
 from pathlib import Path
 
 from ...config import ReportConfig
 from ...errors import ConfigError
+from ...system import frozen
 
 KINDS = {b"\x89PNG\r\n\x1a\n": "png", b"\xff\xd8\xff": "jpeg", b"GIF8": "gif"}
 MOST_BYTES = 1_000_000
 
 
-@dataclass(frozen=True)
+@frozen
 class Laboratory:
     """logo: as a data URI, '' for none. address: its lines. signatures: a line for each."""
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 from ...errors import InputError
+from ...system import frozen
 
 FOLDER = Path(__file__).parent / "words"
 LANGUAGES = tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
@@ -18,7 +18,7 @@ DECIMAL = re.compile(r'^decimal = "(.)"$', re.MULTILINE)  # of "number.decimal"
 POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 
-@dataclass(frozen=True)
+@frozen
 class Translations:
     """All texts of one of LANGUAGES, which are read when one of them is first asked for."""
 

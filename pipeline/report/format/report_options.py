@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from ...system import frozen
 from .earlier import Earlier
 from .laboratory import NOBODY, Laboratory
 from .language import Translations
 from .view import View
 
 
-@dataclass(frozen=True)
+@frozen
 class ReportOptions:
     """How a report looks: its language, who issues it, the view of the angles, what was before.
 

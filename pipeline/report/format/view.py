@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from typing import Literal, get_args
 
 from ...errors import InputError
 from ...measurement import VerticalKind
+from ...system import frozen
 from ...units import in_metres
 from ...vehicle import Axis
 from .digits import UNKNOWN, Sign, arc, brief, decimal, metres, rounded, sexagesimal
@@ -58,7 +58,7 @@ DIGITS: dict[DigitStyle, str] = {
 RIM_M = (0.1, 2.0)
 
 
-@dataclass(frozen=True)
+@frozen
 class View:
     """The axis in use, the unit of angles, the rim's diameter, which mm needs, and the digits.
 
@@ -149,7 +149,7 @@ class View:
         return UNITS[self.angles].format(rim=f"{1e3 * self.rim_m:g}")
 
 
-@dataclass(frozen=True)
+@frozen
 class _DecimalUnit:
     """An angle in a decimal unit, the unit's change per radian there, its digits without U."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 from ...measurement import (
@@ -14,6 +14,7 @@ from ...measurement import (
     Estimate,
     Stated,
 )
+from ...system import frozen
 from ...vehicle import RELATIVE, Axis, Unit
 from .digits import UNKNOWN, Sign, arc, decimal, metres, millimetres, sexagesimal
 from .language import Translations
@@ -41,7 +42,7 @@ NONE = "\N{EN DASH}"
 MINUS = "\N{MINUS SIGN}"
 
 
-@dataclass(frozen=True)
+@frozen
 class Table:
     """Rows of cells under a head; the first `left` columns are words, the others numbers."""
 
@@ -68,7 +69,7 @@ class Table:
         return f"{paragraph(f'{self.caption}. {note}')}\n{self.text()}"
 
 
-@dataclass(frozen=True)
+@frozen
 class Column:
     """A column of a table definition.
 
@@ -85,7 +86,7 @@ class Column:
 Columns = Sequence[str | Column]
 
 
-@dataclass(frozen=True)
+@frozen
 class Writer:
     """Words and view of one report; plain: it is written as plain text, not as a page.
 

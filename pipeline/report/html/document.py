@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from ... import __version__
+from ...system import frozen
 from ..format.laboratory import NOBODY, Laboratory
 from ..format.language import Translations
 from ..format.writer import Table
@@ -19,7 +20,7 @@ NUMBER_DIGITS = 12  # of the record's digest, which make the report's number
 Part = Table | Drawing | str
 
 
-@dataclass(frozen=True)
+@frozen
 class Section:
     """Tables, drawings and paragraphs under a title; name: its anchor."""
 
@@ -28,7 +29,7 @@ class Section:
     parts: Sequence[Part]
 
 
-@dataclass(frozen=True)
+@frozen
 class Document:
     """Content of a report; record: the JSON whose digest numbers it.
 

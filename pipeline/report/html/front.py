@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from ...measurement import Conformity, Measurement
+from ...system import frozen
 from ..format.earlier import Earlier
 from ..format.writer import Writer
 from ..plots.angles import bar_drawing
@@ -17,7 +17,7 @@ from ..tables.front import FrontGroup, FrontRow, front_groups
 MARGIN, LEAST_RAD = 0.08, math.radians(0.2 / 60.0)
 
 
-@dataclass(frozen=True)
+@frozen
 class FrontLine:
     """A row with its bar, and its decision as sign and word, '' without limits."""
 
@@ -28,7 +28,7 @@ class FrontLine:
     word: str
 
 
-@dataclass(frozen=True)
+@frozen
 class Front:
     """Lines under their headings; limited: some have limits; changed: some have earlier values."""
 

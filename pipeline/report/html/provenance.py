@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...measurement import Conformity, Measurement, WheelResult
+from ...system import frozen
 from ..format.language import Translations
 from ..format.writer import NONE, Table, Writer
 from ..json.conformity import tolerance_tree
@@ -18,7 +18,7 @@ Pairs = list[tuple[str, str]]
 SIZES = ("diameter", "side", "width", "height", "hole_diameter", "hole_spacing", "pitch")
 
 
-@dataclass(frozen=True)
+@frozen
 class Trouble:
     """Something not measured: its status in plain words, the program's own, and what to do."""
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ...measurement import Conformity, Measurement, stated
+from ...system import frozen
 from ..format.language import Translations
 from ..format.writer import NONE
 from ..tables.conformity import SIGNS, decided, doubted, rule
 
 
-@dataclass(frozen=True)
+@frozen
 class Headline:
     """The verdict: kind is `conform`, `not-conform`, `undecided` or `none`."""
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ...measurement import Measurement, Stated, WheelResult, by_kind, stated
+from ...system import frozen
 from ..format.writer import Writer
 from ..plots.budget import wheel_budget
 from ..plots.drawing import Drawing
@@ -13,7 +12,7 @@ from ..plots.target_face import coarseness, face_drawing
 from .provenance import Pairs, wheel_facts
 
 
-@dataclass(frozen=True)
+@frozen
 class Card:
     """One wheel's evidence; toe, camber: name, value, U, or nothing where it was not measured."""
 

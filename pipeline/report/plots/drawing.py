@@ -9,12 +9,13 @@ import base64
 import struct
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 from xml.sax.saxutils import escape
 
 import numpy as np
 import numpy.typing as npt
+
+from ...system import frozen
 
 MINUS, SIGMA = "\N{MINUS SIGN}", "\N{GREEK SMALL LETTER SIGMA}"
 INK, PALE, GRID = "#222222", "#555555", "#d0d0d0"
@@ -23,7 +24,7 @@ FONT = "'Liberation Sans', Arial, Helvetica, sans-serif"
 Anchor = Literal["start", "middle", "end"]
 
 
-@dataclass(frozen=True)
+@frozen
 class Path:
     """A line through points (N, 2), or with `fill` and `closed` an area.
 
@@ -40,7 +41,7 @@ class Path:
     crisp: bool = False
 
 
-@dataclass(frozen=True)
+@frozen
 class CircleMark:
     """A circle about (x, y)."""
 
@@ -53,7 +54,7 @@ class CircleMark:
     opacity: float = 1.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Dots:
     """Points (N, 2), drawn as discs of diameter `size`."""
 
@@ -63,7 +64,7 @@ class Dots:
     opacity: float = 1.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Text:
     """One line of text that starts, is centred or ends at (x, y) on its baseline.
 
@@ -81,7 +82,7 @@ class Text:
     halo: float = 0.0
 
 
-@dataclass(frozen=True)
+@frozen
 class Raster:
     """Image centred at (x, y), rotated clockwise: pixels (m, n) index a palette (k, 3) of RGB."""
 
@@ -102,7 +103,7 @@ class Raster:
 Mark = Path | CircleMark | Dots | Text | Raster
 
 
-@dataclass(frozen=True)
+@frozen
 class Drawing:
     """Marks from back to front.
 

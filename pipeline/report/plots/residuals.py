@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from ...measurement import WheelResult
+from ...system import frozen
 from ...vectors import Array
 from ...wheel import WheelProfile
 from ..format.language import Translations
@@ -103,7 +103,7 @@ def profile_drawing(result: WheelResult, words: Translations) -> Drawing | None:
     return Drawing(WIDE, HEIGHT, title, marks)
 
 
-@dataclass(frozen=True)
+@frozen
 class _Panel:
     """Axes of a profile over x and y, millimetres, between two heights of the drawing."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ...measurement import (
     Conformity,
@@ -17,6 +17,7 @@ from ...measurement import (
     by_kind,
     stated,
 )
+from ...system import frozen
 from ...vehicle import REFERENCE_WHEELS, named
 from ..format.earlier import STEERING, Earlier, Known
 from ..format.view import Sort
@@ -28,7 +29,7 @@ LIMITED_AS = {"inclination": "sai"}  # name of a steering axis's quantity in a t
 Verdicts = Mapping[tuple[str, str], Verdict]
 
 
-@dataclass(frozen=True)
+@frozen
 class FrontRow:
     """A quantity as texts, and as numbers for its bar, radians or metres.
 
@@ -50,7 +51,7 @@ class FrontRow:
     at_before: Known | None
 
 
-@dataclass(frozen=True)
+@frozen
 class FrontGroup:
     """Rows under a heading: an axle, the vehicle, the steering axes."""
 
@@ -58,7 +59,7 @@ class FrontGroup:
     rows: tuple[FrontRow, ...]
 
 
-@dataclass(frozen=True)
+@frozen
 class _Source:
     """A quantity to be written; sort: of an angle, None of a length. text: of its value, if set."""
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...system import frozen
 from ...uncertainty import chi_square_limits
 from ...vectors import Array
 from .power import CONFIDENCE
@@ -15,7 +15,7 @@ from .power import CONFIDENCE
 SPAN = 1.959963984540054  # standard deviations on each side of 95 % of a normal distribution
 
 
-@dataclass(frozen=True)
+@frozen
 class Limit:
     """A value with its 95 % confidence limits."""
 
@@ -24,7 +24,7 @@ class Limit:
     high: float
 
 
-@dataclass(frozen=True)
+@frozen
 class Components:
     """Variance components of differences within and between subjects, and of subjects' means.
 

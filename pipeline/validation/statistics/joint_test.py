@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...system import frozen
 from ...uncertainty import Effect, coverage_factor, f_beyond
 from ...vectors import Array
 from .power import CONFIDENCE, detectable_alone, detectable_jointly
@@ -15,7 +15,7 @@ from .power import CONFIDENCE, detectable_alone, detectable_jointly
 RANK = 1e-9  # of the largest eigenvalue, below which a direction has no uncertainty of its own
 
 
-@dataclass(frozen=True)
+@frozen
 class ErrorSource:
     """Source of uncertainty common to several inputs, with `dof` degrees of freedom.
 
@@ -38,7 +38,7 @@ def sources_of(effects: Sequence[Effect]) -> list[ErrorSource]:
     ]
 
 
-@dataclass(frozen=True)
+@frozen
 class JointTest:
     """Joint test of all differences: d' V^-1 d against its distribution.
 
@@ -57,7 +57,7 @@ class JointTest:
         return self.probability >= 1.0 - CONFIDENCE
 
 
-@dataclass(frozen=True)
+@frozen
 class Spread:
     """Covariance (q, q) of q differences, its parts by source and their degrees of freedom."""
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from ...system import frozen
 from ...uncertainty import chi_square_beyond
 from ...vectors import Array
 
@@ -14,7 +14,7 @@ ITERATIONS = 200
 CONVERGED = 1e-14  # relative change of the slope
 
 
-@dataclass(frozen=True)
+@frozen
 class Line:
     """Line y = intercept + slope x, its standard uncertainties and goodness of fit.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ...system import frozen
 from ...uncertainty import f_beyond
 from ...vectors import Array
 from .joint_test import Spread
@@ -17,7 +18,7 @@ from .line_fit import Line, fit_line
 COMMON = 60.0
 
 
-@dataclass(frozen=True)
+@frozen
 class LinePoints:
     """Points (N,) of two methods x and y, their variances and covariance, and dof of y - x.
 
@@ -33,7 +34,7 @@ class LinePoints:
     spreads: tuple[Spread, ...]
 
 
-@dataclass(frozen=True)
+@frozen
 class _Errors:
     """Moments of the residuals' sum S, and the covariance (2, 2) of the line in terms of B.
 

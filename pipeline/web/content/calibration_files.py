@@ -8,7 +8,6 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +33,7 @@ from ...report.format.view import PAPER
 from ...report.json.calibration import calibration_json
 from ...report.text.calibration import calibration_text
 from ...report.write import ReportFiles
+from ...system import frozen
 from ..security import RefusedError
 from .faults import faults_in
 
@@ -41,7 +41,7 @@ ITEM, READINGS, CERTIFICATE = "item.toml", "readings.csv", "certificate.toml"
 MOST_READINGS, LONGEST_CELL, MOST_REFERENCES = 5000, 200, 50
 
 
-@dataclass(frozen=True)
+@frozen
 class Request:
     """Item and readings as the page sends them.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from ...capture import TABLES, is_capture
 from ...files import ARCHIVE_SUFFIXES
 from ...readers import READERS, scan_suffix
 from ...report.json.stored import RECORD, is_measurement
+from ...system import frozen
 from ..security import RefusedError
 
 MOST_LISTED = 2000
@@ -20,7 +20,7 @@ LONGEST_NAME = 120
 RESULTS = ("measurements", "run/state")  # folders, of which results of a batch have one or both
 
 
-@dataclass(frozen=True)
+@frozen
 class Item:
     """File or folder that the page lists.
 
@@ -32,7 +32,7 @@ class Item:
     size: int
 
 
-@dataclass(frozen=True)
+@frozen
 class Listing:
     """Entries of a folder to open; is_cut: whether more are in it than MOST_LISTED, the first."""
 
@@ -40,7 +40,7 @@ class Listing:
     is_cut: bool
 
 
-@dataclass(frozen=True)
+@frozen
 class Folders:
     """Allowed folders `roots`, resolved."""
 
