@@ -10,6 +10,12 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wheelplane.five_point import measure_five_point
+from wheelplane.five_point.file import FivePointFile, read_five_point
+from wheelplane.report.json.measurement import to_tree
 from wheelplane.web.app import create_app
 from wheelplane.web.security import KEY_HEADER, Guard
 from wheelplane.web.settings import PageSettings
@@ -17,6 +23,7 @@ from wheelplane.web.settings import PageSettings
 PORT = 8765
 HERE = f"127.0.0.1:{PORT}"
 PAPER = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
+OF_RECORD = ("capture", "vehicle_name", "batch")  # what a batch adds to a measurement
 
 
 class Site:
@@ -110,3 +117,25 @@ def write_results(folder: Path, measurement: dict, count: int = 12) -> Path:
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text(json.dumps(tree))
     return folder
+
+
+def write_turned(folder: Path, count: int = 12) -> Path:
+    """The same of planes whose poses show it, which the page can compare."""
+    measured = [to_tree(measure_five_point(turned(0.01 * i))) for i in range(count)]
+    write_results(folder, measured[0], count)
+    for path in folder.rglob("*.json"):
+        tree = json.loads(path.read_text())
+        if tree["wheels"]:
+            known = measured[int(tree["capture"].rpartition("-")[2])]
+            path.write_text(json.dumps(known | {key: tree[key] for key in OF_RECORD}))
+    return folder
+
+
+def turned(angle_deg: float) -> FivePointFile:
+    """The paper's vehicle with its RR target turned about the vertical, so that RR toe rises."""
+    file = read_five_point(PAPER)
+    up = measure_five_point(file).frame.up
+    centre = file.blocks_m[0].mean(axis=0)
+    turn = Rotation.from_rotvec(np.radians(angle_deg) * up)
+    file.blocks_m[0] = turn.apply(file.blocks_m[0] - centre) + centre
+    return file

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 
-import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from tests.support.browser import IN_A_BROWSER, Visit, serving, until
 from tests.support.layout import check_layout
-from tests.support.web_site import PAPER, write_results
+from tests.support.web_site import PAPER, write_results, write_turned
 from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
 from wheelplane.report.json.measurement import to_tree
 
 pytestmark = IN_A_BROWSER
 WIDTHS = (390, 1024, 1440)
-OF_RECORD = ("capture", "vehicle_name", "batch")  # what a batch adds to a measurement
 
 
 @pytest.fixture(scope="module")
@@ -167,27 +164,13 @@ def test_a_stored_measurement_is_opened(visit, folder):
     assert "#result=" in page.url
 
 
-def turned(angle_deg):
-    """The paper's vehicle with its RR target turned about the vertical, so that RR toe rises."""
-    file = read_five_point(PAPER)
-    up = measure_five_point(file).frame.up
-    centre = file.blocks_m[0].mean(axis=0)
-    turn = Rotation.from_rotvec(np.radians(angle_deg) * up)
-    file.blocks_m[0] = turn.apply(file.blocks_m[0] - centre) + centre
-    return file
-
-
 @pytest.fixture(scope="module")
 def archive(folder):
     """An archive of 28 days, whose RR toe rises day by day."""
     place = folder / "archive"
-    measured = [to_tree(measure_five_point(turned(0.01 * day))) for day in range(28)]
-    write_results(place, measured[0], 28)
-    for path in place.rglob("*.json"):
+    for path in write_turned(place, 28).rglob("*.json"):
         tree = json.loads(path.read_text())
         day = int(tree["capture"].rpartition("-")[2])
-        if tree["wheels"]:
-            tree = measured[day] | {key: tree[key] for key in OF_RECORD}
         tree["batch"]["date"] = tree["date"] = f"2026-01-{day + 1:02d}"
         path.write_text(json.dumps(tree))
     return place
@@ -262,6 +245,7 @@ def test_before_and_after_of_a_vehicle(visit, archive):
         assert name in names
     for name in ("car-00", "car-03"):
         page.get_by_role("button", name=name).click()
+        page.wait_for_selector(f"#archive h2:has-text('{name}')")
         page.get_by_role("link", name="Open with 3D view and report").click()
         page.wait_for_selector(f"#result-title:has-text('{name}')")
         page.wait_for_selector("#result:not([hidden]) table.angles")

@@ -15,7 +15,7 @@ import pytest
 from tests.support.browser import IN_A_BROWSER, SMALL, TARGET_PX, Visit, serving, until, when_done
 from tests.support.layout import check_layout
 from tests.support.made import write_small_capture
-from tests.support.web_site import PAPER, write_results
+from tests.support.web_site import PAPER, write_results, write_turned
 from wheelplane.batch.operation.run_state import RunState, write_state
 from wheelplane.batch.storage.store import open_store
 from wheelplane.web.server import write_opening
@@ -427,13 +427,8 @@ def test_a_capture_is_compared_with_its_five_points(visit):
 
 
 def test_an_archive_is_browsed(visit, folder):
+    write_turned(folder / "results")
     page = visit.open()
-    visit.measure("figure-4.txt")
-    job = page.evaluate("performance.getEntriesByType('resource').map(e => e.name)")
-    panel = next(name for name in job if "/panel-en.json" in name)
-    record = panel.replace("panel-en.json", "measurement.json")
-    tree = page.evaluate("address => fetch(address).then((answer) => answer.json())", record)
-    write_results(folder / "results", tree)
     page.locator("nav a", has_text="Archive").click()
     page.locator("#archive .items button", has_text="results").click()
     page.wait_for_selector("#archive table")
