@@ -20,6 +20,7 @@ from ..vehicle import REFERENCE_WHEELS
 from .declaration import CaptureFile
 from .entry import ScanEntry
 
+TABLES = (".txt", ".csv")  # which may hold the points of a cloud, or five points a plane
 TARGET_SIZES_M = (0.03, 1.5)  # no wheel target is smaller or larger
 
 
@@ -63,8 +64,10 @@ def _resolved(
             found[name] = own[key]
         elif common is None:
             of_scan = f" for {name}" if own else ""
+            points = "; a file of five points a plane is read by `wheelplane five-point`"
             raise InputError(
                 f"{where}: no target is named{of_scan}: add --target, for example --target disc-250"
+                f"{points if where.lower().endswith(TABLES) else ''}"
             )
     return common or found[REFERENCE_WHEELS[0]], found
 

@@ -8,10 +8,11 @@ import click
 
 from ..capture import Capture
 from ..config import Config, ReportConfig
+from ..errors import ConfigError
 from ..measurement import Conformity, Measurement
 from ..report.format.earlier import Earlier, read_earlier
 from ..report.format.laboratory import read_laboratory
-from ..report.format.language import Translations, load_translations
+from ..report.format.language import LANGUAGES, Translations, load_translations
 from ..report.format.report_options import ReportOptions
 from ..report.format.view import View
 from ..report.write import write_files
@@ -47,6 +48,9 @@ def report_options(
 ) -> ReportOptions:
     """Return language, view, laboratory and earlier values. Raises ConfigError, InputError."""
     earlier = None if before is None else read_earlier(before)
+    if language is None and config.language not in LANGUAGES:
+        known = ", ".join(LANGUAGES)
+        raise ConfigError(f"--config: [report] language is {config.language!r}: known are {known}")
     words = load_translations(language or config.language)
     return ReportOptions(words, view, read_laboratory(config), earlier)
 

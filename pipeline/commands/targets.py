@@ -94,12 +94,13 @@ def _drawn(loaded: dict[str, Target], folder: Path) -> list[Path]:
     """Draw the targets; return the files. Raises InputError where they cannot be written."""
     from ..report.plots.target import target_svg
 
+    made = {name: one for name, one in loaded.items() if not isinstance(one, WheelTarget)}
+    if not made:
+        raise InputError("a wheel itself is no target to make: nothing to draw; leave out -o")
     paths = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, target in loaded.items():
-            if isinstance(target, WheelTarget):
-                continue  # nothing to make
+        for name, target in made.items():
             path = folder / f"{Path(name).stem}.svg"
             path.write_text(target_svg(Path(name).stem, target), encoding="utf-8")
             paths.append(path)

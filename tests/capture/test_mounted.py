@@ -94,6 +94,13 @@ def test_one_cloud_shows_the_target_of_each_wheel(tmp_path):
         shapes(write(tmp_path, 'cloud = "car.ply"\n[targets]\nRR = "wheel"\n'))
 
 
+def test_a_file_of_five_points_is_said_to_be_of_another_command(tmp_path):
+    file = tmp_path / "five-point.txt"
+    file.write_text("0.0 0.0 0.0\n" * 20)
+    with pytest.raises(InputError, match=r"disc-250; a file of five points .* five-point`"):
+        shapes(file)
+
+
 def test_targets_of_names_the_choice_before_the_file(tmp_path):
     folder = write(tmp_path, 'target = "disc-250"\n', REFERENCE)
     with open_capture(folder) as capture:

@@ -194,8 +194,13 @@ def test_targets_command_tells_one_in_full_and_draws_it(tmp_path):
         assert said in run.output
     assert [path.name for path in (tmp_path / "drawn").iterdir()] == ["square-300.svg"]
     (tmp_path / "file").write_text("mine")
-    for arguments in (["rign-300"], ["ring-300", "-o", str(tmp_path / "file")]):
+    for arguments in (
+        ["rign-300"],
+        ["ring-300", "-o", str(tmp_path / "file")],
+        ["wheel", "-o", str(tmp_path / "wheel")],
+    ):
         wrong = CliRunner().invoke(targets, arguments)
         assert isinstance(wrong.exception, ConfigError | InputError)
         assert "\n" not in str(wrong.exception)
     assert (tmp_path / "file").read_text() == "mine"
+    assert not (tmp_path / "wheel").exists()
