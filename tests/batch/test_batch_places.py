@@ -248,7 +248,7 @@ def test_object_storage_that_fails_now_and_then_gives_the_same(
     files.get("failing/results", str(tmp_path / "results"), recursive=True)
     assert left(tmp_path / "results") == expected
     again = run_process("s3://failing/archive", "s3://failing/results", AWS_ENDPOINT_URL=storage)
-    assert "captures: 21 done before, 0 to do now" in again.stderr
+    assert "21 captures: 21 done before, 0 to do" in again.stderr
 
     # what was written went to segments as well, which spare a catalogue the reading
     monkeypatch.setenv("AWS_ENDPOINT_URL", storage)

@@ -180,8 +180,8 @@ def test_a_run_whose_captures_are_removed_goes_on(tmp_path):
     archive, results = archive_of_zips(tmp_path / "archive", 3), tmp_path / "results"
 
     class Removing(ProgressLines):
-        def planned(self, known: int, todo: int, expected_s: float) -> None:
-            super().planned(known, todo, expected_s)
+        def planned(self, known: int, todo: int, expected_s: float, later: int = 0) -> None:
+            super().planned(known, todo, expected_s, later)
             for name in ("car-000.zip", "car-002.zip"):
                 (archive / name).unlink()
 

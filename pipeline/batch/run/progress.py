@@ -53,11 +53,12 @@ class ProgressLines:
     def __exit__(self, *_: object) -> None:
         return None
 
-    def planned(self, known: int, todo: int, expected_s: float) -> None:
-        """Take the numbers of captures done before and to be done now, and their seconds."""
+    def planned(self, known: int, todo: int, expected_s: float, later: int = 0) -> None:
+        """Take the numbers of captures done before, to be done now, and later; seconds of now."""
         self._todo, self._started_s = todo, time.monotonic()
         self._expected_s = expected_s
-        self._print(f"captures: {known} done before, {todo} to do now")
+        after = f", {later} when the command is repeated" if later else ""
+        self._print(f"{known + todo + later} captures: {known} done before, {todo} to do{after}")
 
     def finished(self, done: CompletedCapture) -> None:
         """Take one more finished capture."""
@@ -121,9 +122,9 @@ class Bar(ProgressLines):
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
-    def planned(self, known: int, todo: int, expected_s: float) -> None:
-        """Take the numbers of captures done before and to be done now, and their seconds."""
-        super().planned(known, todo, expected_s)
+    def planned(self, known: int, todo: int, expected_s: float, later: int = 0) -> None:
+        """Take the numbers of captures done before, to be done now, and later; seconds of now."""
+        super().planned(known, todo, expected_s, later)
         self._bar.update(self._task, total=todo)
 
     def _advance(self) -> None:
@@ -145,8 +146,8 @@ def _line(text: str) -> str:
 class ProgressListener(Protocol):
     """Listener to the progress of a run."""
 
-    def planned(self, known: int, todo: int, expected_s: float) -> None:
-        """Take the numbers of captures done before and to be done now, and their seconds."""
+    def planned(self, known: int, todo: int, expected_s: float, later: int = 0) -> None:
+        """Take the numbers of captures done before, to be done now, and later; seconds of now."""
 
     def finished(self, done: CompletedCapture) -> None:
         """Take one more finished capture."""
@@ -193,12 +194,12 @@ class RunReport:
         with suppress(WheelplaneError):  # what ended the run is reported, not this
             self._write()
 
-    def planned(self, known: int, todo: int, expected_s: float) -> None:
-        """Take the numbers of captures done before and to be done now, and their seconds."""
+    def planned(self, known: int, todo: int, expected_s: float, later: int = 0) -> None:
+        """Take the numbers of captures done before, to be done now, and later; seconds of now."""
         state = self._state
         state.known, state.todo, state.expected_s = known, todo, expected_s
         self._event("planned", known=known, todo=todo)
-        self._listener.planned(known, todo, expected_s)
+        self._listener.planned(known, todo, expected_s, later)
 
     def finished(self, done: CompletedCapture) -> None:
         """Take one more finished capture."""

@@ -77,9 +77,8 @@ class Batch:
                 "them"
             )
         most = todo if limit is None else min(todo, limit)
-        self._listener.planned(self.counts.known, most, self._index.expected_s(most))
-        if most < todo:
-            self._listener.note(f"{todo - most} more remain: repeat the command to measure them")
+        expected_s = self._index.expected_s(most)
+        self._listener.planned(self.counts.known, most, expected_s, later=todo - most)
         with self.updating_catalogue():
             self.measure(islice(self.pending(captures), limit and most) if todo else ())
         return self.counts
