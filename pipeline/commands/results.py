@@ -34,6 +34,7 @@ from ..batch.results.query import (
     ValueRange,
     by_status,
     captures,
+    copies,
     count,
     doubted,
     failures,
@@ -318,6 +319,7 @@ def results(
         if {"summary", "drift", "worst"} & set(modes):
             _warn_of_doubts(catalogue, which)
             _warn_of_removed(catalogue, which)
+            _warn_of_copies(catalogue, which)
         return int(set(by_status(catalogue, which)) - {"ok"} != set())
 
 
@@ -552,6 +554,17 @@ def _warn_of_removed(catalogue: Catalogue, which: Filter) -> None:
         click.echo(
             f"{captures_are} no longer in the archive counted too, a renamed one twice: --no-gone "
             "leaves them out",
+            err=True,
+        )
+
+
+def _warn_of_copies(catalogue: Catalogue, which: Filter) -> None:
+    """Note how many captures of statistics are copies of others."""
+    if found := copies(catalogue, which):
+        captures_are = "1 capture" if found == 1 else f"{found:,} captures"
+        click.echo(
+            f"{captures_are} of the same files as another counted too, as if measured again: the "
+            "column scans of --sql shows which",
             err=True,
         )
 

@@ -610,6 +610,8 @@ def test_points_of_a_scan_count_once(kind, files, points, total):
             f"hold {2**54 - 2} points",
         ),
         ({"capture": 7}, "`capture` is 7, not text"),
+        ({"provenance": {"inputs": [1]}}, "`inputs` is not an object of texts"),
+        ({"provenance": {"inputs": {"a": 1}}}, "`inputs` is not an object of texts"),
         ({"doubts": 5}, "`doubts` is not a list of objects"),
         ({"doubts": {"trial": None}}, "`doubts` is not a list of objects"),
         ({"doubts": ["mirrored"]}, "`doubts` is not a list of objects"),

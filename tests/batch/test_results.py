@@ -752,6 +752,28 @@ def test_statistics_say_how_many_captures_are_no_longer_in_the_archive(tmp_path)
         assert answer(question, tmp_path, asked, words)["notice"] == note
 
 
+def test_statistics_say_how_many_captures_are_copies(tmp_path):
+    """Of the same files, whatever they are called; those that count nowhere are none."""
+    trees = {name: result(name, date="2026-01-01") for name in "abcdef"}
+    trees["e"] = result("e", status="failed", date="2026-01-01")
+    trees["f"]["doubts"] = [{"trial": None, "note": "mirrored"}]
+    for name in "bef":
+        known = trees["a"]["provenance"]["inputs"].values()
+        trees[name]["provenance"]["inputs"] = {f"{k}.txt": one for k, one in enumerate(known)}
+    add(open_store(str(tmp_path)), *trees.values())
+    words = load_translations("en")
+    note = words("listing.copies_counted", count="1")
+    for option in ("--summary", "--drift", "--worst"):
+        given = [option, *["3"] * (option == "--worst")]
+        assert "1 capture of the same files as another counted too" in run(tmp_path, *given).stderr
+        assert "same files" not in run(tmp_path, *given, "--name", "c").stderr
+        run(tmp_path, *given, "--html", tmp_path / "report.html")
+        assert note in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert run(tmp_path).stderr == ""
+    for question, asked in (("trends", {}), ("chart", {"quantity": "RR toe"})):
+        assert note in answer(question, tmp_path, asked, words)["notice"]
+
+
 def test_tables_and_ranges_hold_the_numbers_of_captures_in_doubt(tmp_path):
     """Every list of captures gives the numbers that stand in the JSON of each."""
     trees = [result(name, RR_toe=toe) for name, toe in (("a", 0.1), ("b", 20.0), ("c", 0.2))]

@@ -37,6 +37,7 @@ def result(name: str, *, status="ok", vehicle="car", date=None, stage="", reason
             found |= {f"{angle}_deg": value, f"u_{angle}_deg": u}
         else:
             tree["vehicle"] |= {quantity: value, f"u_{quantity}": u}
+    tree["provenance"]["inputs"] = {"five-point.txt": f"sha256:{key_of(name)}"}
     tree["batch"] = {
         "key": key_of(name),
         "kind": "five-point",

@@ -102,6 +102,7 @@ def write_results(folder: Path, measurement: dict, count: int = 12) -> Path:
         key = hashlib.sha256(str(i).encode()).hexdigest()
         tree |= {"capture": f"2026/car-{i:02d}", "vehicle_name": f"AA-{i % 3:02d}"}
         tree["wheels"][0]["toe_deg"] += 0.01 * i
+        tree.setdefault("provenance", {})["inputs"] = {"file": f"sha256:{key}"}
         if failed:
             tree |= {"wheels": [], "frame": None, "vehicle": {}}
         tree["batch"] = {

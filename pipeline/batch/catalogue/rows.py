@@ -26,7 +26,7 @@ FAILED = ("failed", "quarantined", DAMAGED)
 WHEELS = "wheels"  # vertical of results from before there were others
 SECTIONS = (
     "$.schema $.capture $.vehicle_name $.wheels $.frame $.vehicle $.batch $.provenance.version "
-    "$.calibration $.vertical_in_use $.doubts"
+    "$.calibration $.vertical_in_use $.doubts $.provenance.inputs"
 )
 
 
@@ -38,6 +38,7 @@ class CaptureRow:
     quarantined, or damaged (its JSON cannot be read). wheels: number of wheels and trials of the
     capture; wheels_ok: those with angles. vertical: from which its cambers are; empty of none.
     doubted: 1 where the scans contradict the names of the wheels, so that statistics leave it out.
+    scans: number that captures of the same files share; None without checksums.
     """
 
     key: str
@@ -56,6 +57,7 @@ class CaptureRow:
     config_sha256: str = ""
     vertical: str = ""
     doubted: int = 0
+    scans: int | None = None
     size: int = 0
     md5: str = ""
 
@@ -130,8 +132,11 @@ def _sections(data: bytes) -> list[Any]:
 
 
 def _sections_of(tree: dict[str, Any]) -> list[Any]:
-    version = tree["provenance"]["version"]
-    return [version if "version" in path else tree.get(path[2:]) for path in SECTIONS.split()]
+    origin, ours = "$.provenance.", tree["provenance"]
+    return [
+        ours.get(path[len(origin) :]) if path.startswith(origin) else tree.get(path[2:])
+        for path in SECTIONS.split()
+    ]
 
 
 _EXTRACT = f"SELECT json_extract(?, {', '.join(map(repr, SECTIONS.split()))})"
@@ -157,7 +162,7 @@ def _connection() -> sqlite3.Connection:
 
 def _record(blank: CaptureRow, sections: list[Any]) -> Record:
     schema, name, vehicle_name, wheels, frame, vehicle, batch, version, *more = sections
-    calibrated, vertical, doubts = more
+    calibrated, vertical, doubts, inputs = more
     if schema != SCHEMA:
         raise _DamagedError(f"schema {schema!r:.60} instead of {SCHEMA!r}")
     if not isinstance(wheels, list) or not isinstance(batch, dict):
@@ -183,6 +188,7 @@ def _record(blank: CaptureRow, sections: list[Any]) -> Record:
         config_sha256=_text(batch, "config_sha256"),
         vertical=(_text({"vertical": vertical}, "vertical") or WHEELS) if rows else "",
         doubted=int(_is_doubted(doubts or [])),
+        scans=_scans(inputs or {}),
     )
     quantities = tuple(_quantities(frame or {}, vehicle or {}))
     return Record(capture, rows, quantities, calibration_row(calibrated))
@@ -226,6 +232,15 @@ def _is_doubted(doubts: Any) -> bool:
     if not isinstance(doubts, list) or not all(isinstance(one, dict) for one in doubts):
         raise _DamagedError("`doubts` is not a list of objects")
     return any(one.get("trial") is None for one in doubts)
+
+
+def _scans(inputs: Any) -> int | None:
+    """Return a number of 60 bits by the checksums of the files, whatever they are called."""
+    if not isinstance(inputs, dict) or not all(isinstance(one, str) for one in inputs.values()):
+        raise _DamagedError("`inputs` is not an object of texts")
+    every = "\n".join(sorted(set(inputs.values())))
+    digest = hashlib.sha256(every.encode(errors="surrogatepass")).hexdigest()
+    return int(digest[:15], 16) if every else None
 
 
 def _points(wheels: list[Any], kind: str) -> int:

@@ -13,7 +13,7 @@ from .columns import TABLES as COLUMNS
 from .columns import kind_id
 from .rows import CaptureRow, Record, WheelRow
 
-APPLICATION = 0x77706C08  # "wpl" and a number to raise with every change of the tables
+APPLICATION = 0x77706C09  # "wpl" and a number to raise with every change of the tables
 KEY_DIGITS = 15  # of the key make the row's number: 60 bits, in the order of the keys
 CAPTURE_COLUMNS = tuple(field.name for field in fields(CaptureRow))
 WHEEL_COLUMNS = tuple(field.name for field in fields(WheelRow))
@@ -25,7 +25,8 @@ CREATE TABLE captures(
   vehicle TEXT NOT NULL, date TEXT, day REAL, status TEXT NOT NULL, stage TEXT NOT NULL,
   reason TEXT NOT NULL, wheels INTEGER NOT NULL, wheels_ok INTEGER NOT NULL,
   points_total INTEGER NOT NULL, version TEXT NOT NULL, config_sha256 TEXT NOT NULL,
-  vertical TEXT NOT NULL, doubted INTEGER NOT NULL, size INTEGER NOT NULL, md5 TEXT NOT NULL);
+  vertical TEXT NOT NULL, doubted INTEGER NOT NULL, scans INTEGER, size INTEGER NOT NULL,
+  md5 TEXT NOT NULL);
 CREATE INDEX captures_by_name ON captures(name);
 CREATE INDEX captures_by_status ON captures(status, name);
 CREATE INDEX captures_by_day ON captures(day, status);

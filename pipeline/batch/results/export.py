@@ -29,7 +29,7 @@ from .series import series
 
 ExportColumns = dict[str, npt.NDArray[Any]]
 Cell = str | float | int | None
-LEFT_OUT = ("day", "size", "md5")
+LEFT_OUT = ("day", "scans", "size", "md5")
 COUNTS = ("wheels", "wheels_ok", "points_total", "doubted")
 PARQUET = {"O": "VARCHAR", "i": "BIGINT", "f": "DOUBLE"}  # by the kind of a column's dtype
 FORMULA = ("=", "+", "-", "@", "\t", "\r")

@@ -18,6 +18,7 @@ from .series import series
 from .tables import (
     capture_class,
     capture_status,
+    copies_note,
     doubted_note,
     doubts_listed,
     drift_table,
@@ -85,7 +86,7 @@ def _record(catalogue: Catalogue, chosen: Selection) -> str:
 def _section(catalogue: Catalogue, chosen: Selection, name: str, writer: Writer) -> Section:
     words, which, quantities = writer.words, chosen.which, chosen.quantities
     signs = words("listing.all_signs")
-    cautions = verticals_note, doubted_note, removed_note
+    cautions = verticals_note, doubted_note, removed_note, copies_note
     notes = [note for caution in cautions for note in caution(catalogue, which, words)]
     if name == "list":
         return _captures(catalogue, chosen, writer)

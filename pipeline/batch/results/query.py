@@ -56,6 +56,7 @@ class Filter:
 
 
 ALL = Filter()
+MEASURED = ("ok", "part")  # statuses of captures that have angles
 MOST = 2**63 - 1  # SQLite's largest number
 FEW = 0.1  # of all captures, of which each is looked up
 REFERENCE_ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ANGLES)
@@ -112,6 +113,14 @@ def example_in_doubt(catalogue: Catalogue) -> tuple[str, str] | None:
 def removed(catalogue: Catalogue, which: Filter = ALL) -> int:
     """Count the captures no longer in the archive, unless the filter asks about these."""
     return 0 if which.removed is not None else count(catalogue, replace(which, removed=True))
+
+
+def copies(catalogue: Catalogue, which: Filter = ALL) -> int:
+    """Count the measured captures that are of the same files as another one, but for the first."""
+    where, values = condition(catalogue, replace(which, status=which.status or MEASURED))
+    counted = "SELECT count(c.scans) - count(DISTINCT c.scans) FROM captures AS c"
+    row = catalogue.connection.execute(f"{counted} {where} AND NOT c.doubted", values)
+    return int(row.fetchone()[0])
 
 
 def _counts(catalogue: Catalogue, which: Filter) -> dict[tuple[str, str], int]:

@@ -15,7 +15,7 @@ from ...report.format.view import Sort
 from ...report.format.writer import Column, Table, Writer, sort_of
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import FAILED, CaptureRow
-from .query import FailureGroup, Filter, doubted, removed, verticals
+from .query import FailureGroup, Filter, copies, doubted, removed, verticals
 from .trends import MONTH_DAYS, Drift, Outlier, Summary
 
 REASONS = {"fewer than three dated values": "few_values", "all on one date": "one_date"}
@@ -134,6 +134,12 @@ def removed_note(catalogue: Catalogue, which: Filter, words: Translations) -> li
     """Return how many captures of statistics are no longer in the archive; nothing of none."""
     found = removed(catalogue, which)
     return [words("listing.removed_counted", count=words.count(found))] if found else []
+
+
+def copies_note(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:
+    """Return how many captures of statistics are copies of others; nothing of none."""
+    found = copies(catalogue, which)
+    return [words("listing.copies_counted", count=words.count(found))] if found else []
 
 
 def failures_table(found: Sequence[FailureGroup], writer: Writer) -> Table:

@@ -28,6 +28,7 @@ from ...batch.results.series import series
 from ...batch.results.tables import (
     capture_class,
     capture_status,
+    copies_note,
     doubted_note,
     doubts_listed,
     drift_table,
@@ -79,6 +80,7 @@ def answer(
                 which = filter_of(parameters)
                 notices += doubted_note(catalogue, which, words)
                 notices += removed_note(catalogue, which, words)
+                notices += copies_note(catalogue, which, words)
             found["notice"] = " ".join(filter(None, notices))
         return found
 
