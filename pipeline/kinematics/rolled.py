@@ -22,6 +22,7 @@ from ..measurement import Measurement, Observation, WheelPose, WheelResult, eval
 from ..uncertainty import UncertaintyComponent
 from ..vectors import Array, plane_basis
 from ..vehicle import REFERENCE_WHEELS, VehicleFrame, build_reference_frame
+from .sweep import turns_with_wheel
 
 MOST_LEFT = 0.3  # of a first harmonic, in the mean: two positions 35 degrees from half a turn
 RIDGE = 0.01  # of the sum of squares of the weights, against a squared first harmonic
@@ -29,8 +30,6 @@ MOST_TILT_RAD, MOST_SHIFT_M = (
     math.radians(3.0),
     0.04,
 )  # between positions: no mounting is as far off
-# What the mean is free of; of a flatness that a fit observed, with degrees of freedom, it is not.
-TURNS_WITH_WHEEL = ("flatness", "clamp", "tyre run-out")
 
 
 def carried(observations: Sequence[Observation], source: str) -> list[Observation]:
@@ -189,8 +188,7 @@ def _mean(results: Sequence[WheelResult], weights: Array, left: float) -> WheelP
         _weighted(component, weight, fit, result)
         for result, fit, weight in zip(results, fits, weights, strict=True)
         for component in fit.components
-        if component.name not in TURNS_WITH_WHEEL
-        or (component.name == "flatness" and math.isfinite(component.dof))
+        if not turns_with_wheel(component)
     ]
     turns = [result.observation.turn for result in results]
     u_turns = np.array([0.0 if turn is None else turn.u_rad or 0.0 for turn in turns])

@@ -17,9 +17,9 @@ import numpy as np
 
 from ..capture import Role
 from ..centre import RotationMark, TargetFit
-from ..measurement import OF_PLATE, Estimate, Measurement, Vertical, WheelResult, estimate
+from ..measurement import Estimate, Measurement, Vertical, WheelResult, estimate
 from ..system import frozen
-from ..uncertainty import Effect, chi_square_beyond, effects_of
+from ..uncertainty import Effect, UncertaintyComponent, chi_square_beyond, effects_of
 from ..vectors import Array
 from ..vehicle import (
     Dual,
@@ -34,6 +34,12 @@ from .plate_pose import Poses
 
 OF_VERTICAL = 6  # inputs: its normal, and a centre that is not used
 DOUBT = 1e-3  # probability of a fit below which the scans do not rotate about one axis
+# What rotates with the wheel, and is no part of its axle; of a flatness that a fit observed, with
+# degrees of freedom, each scan has its own.
+TURNS_WITH_WHEEL = ("flatness", "clamp", "tyre run-out")
+# What does not weigh the poses of a fit: rotations are stated beside them, and the distance of a
+# plate from its wheel moves all centres alike, along their normals.
+APART = ("turn", "stand-off")
 
 
 @frozen
@@ -154,7 +160,7 @@ class SweepScans:
         scans = [self.scans[i] for i in members]
         whole = self.inputs_of(members)
         own = np.vstack([whole[: 6 * len(members)], whole[7 * len(members) :]])
-        factors = [own @ effect.factor for effect in self.effects if effect.name != "turn"]
+        factors = [own @ effect.factor for effect in self.effects if effect.name not in APART]
         mine = self.faces_of(members)
         turns = [self.scans[i].observation.fitted.turn for i in mine]
         seen = Poses(
@@ -194,10 +200,8 @@ def sweep_scans(measurement: Measurement) -> SweepScans:
     scans = tuple(w for w in measured if w.observation.role in ("sweep", "runout"))
     turns = [scan.observation.turn for scan in scans]
     u_turns = np.array([math.inf if t is None or t.u_rad is None else t.u_rad for t in turns])
-    targets = [_of_scan(w.observation.fitted, w.observation.source) for w in measured]
-    targets += [
-        _of_scan(_without_plate(scan.observation.fitted), scan.observation.source) for scan in scans
-    ]
+    targets = [_of_scan(wheel) for wheel in measured]
+    targets += [_on_its_wheel(_of_scan(scan)) for scan in scans]
     faces = _faces(scans)
     targets += [_turn_alone(targets[len(measured) + i]) for i in faces]
     centres = np.stack([wheel.observation.fitted.centre_m for wheel in measured[:4]])
@@ -264,24 +268,31 @@ def _turn_alone(target: TargetFit) -> TargetFit:
     return replace(target, components=tuple(components))
 
 
-def _without_plate(target: TargetFit) -> TargetFit:
-    """Return the target without components fixed to it, which the axis fit absorbs in its pose.
-
-    Flatness that a scan's residuals show stays: each scan estimates it for itself.
-    """
-    left = [c for c in target.components if c.name not in OF_PLATE or math.isfinite(c.dof)]
+def _on_its_wheel(target: TargetFit) -> TargetFit:
+    """Return the target without what rotates with it, which the axis fit absorbs in its pose."""
+    left = [component for component in target.components if not turns_with_wheel(component)]
     return replace(target, components=tuple(left))
 
 
-def _of_scan(target: TargetFit, source: str) -> TargetFit:
-    """Return the target with its components shared by all uses of one scan."""
-    return replace(
-        target,
-        components=tuple(
-            replace(component, shared=f"scan {source}") if component.shared is None else component
-            for component in target.components
-        ),
+def turns_with_wheel(component: UncertaintyComponent) -> bool:
+    """Return whether a component rotates with the wheel, so that no axle has it."""
+    observed = component.name == "flatness" and math.isfinite(component.dof)
+    return component.name in TURNS_WITH_WHEEL and not observed
+
+
+def _of_scan(result: WheelResult) -> TargetFit:
+    """Return the target with its components shared by all uses of one scan.
+
+    The distance of its plate from the wheel is the same in all scans of one mounting.
+    """
+    seen = result.observation
+    plate = seen.repeats or (seen.name if seen.role == "trial" else result.wheel)
+    of = {"stand-off": f"plate of {plate}"}
+    components = tuple(
+        replace(one, shared=one.shared or of.get(one.name, f"scan {seen.source}"))
+        for one in seen.fitted.components
     )
+    return replace(seen.fitted, components=components)
 
 
 def _widened(effect: Effect, turns: int, faces: int, own: int) -> Effect:

@@ -62,7 +62,7 @@ from .records import (
     WheelPose,
     WheelResult,
 )
-from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
+from .repeatability import PooledAngle, Repeats, pool_repeats
 from .residual_map import CELLS, SIGMAS, FormMap, ResidualMap, map_about, residual_map, smoothed
 from .tolerance import (
     BY_MODEL,
@@ -82,7 +82,6 @@ __all__ = [
     "CELLS",
     "CROSS",
     "MEASURED_FROM",
-    "OF_PLATE",
     "SIGMAS",
     "UNITS",
     "VEHICLE_BY_SWEEP",

@@ -19,6 +19,7 @@ from tests.support.turning import (
     rolled,
 )
 from wheelplane.report.text.kinematics import runout_text
+from wheelplane.uncertainty import UncertaintyComponent
 from wheelplane.uncertainty.components import flatness_component, mounting_component
 from wheelplane.vehicle.angles import wheel_angles
 
@@ -135,6 +136,31 @@ def test_what_sits_with_the_plate_cancels():
     assert found.angles.toe.u == pytest.approx(plain.angles.toe.u, rel=1e-3)
 
 
+def test_tyre_run_out_rotates_with_the_wheel_whatever_its_degrees_of_freedom():
+    """A flatness that a fit observed in each scan stays in the axle."""
+    tilt, u = np.vstack([0.002 * np.eye(3), np.zeros((3, 3))]), {}
+    for name in ("tyre run-out", "flatness"):
+        extra = (UncertaintyComponent(name, tilt, dof=6.0),)
+        u[name] = one(Scene(5, noise=0.0, extra=extra).references()).angles.toe.u
+    plain = one(Scene(5, noise=0.0).references()).angles.toe.u
+    assert u["tyre run-out"] == pytest.approx(plain, rel=1e-3)
+    assert u["flatness"] > 0.001
+
+
+def test_a_plate_stands_as_far_off_its_wheel_in_all_scans_and_moves_the_axle_s_centre():
+    """All centres of a wheel move by 5 mm along its axle alike: tracks by both, no axle's angle."""
+    aside = Scene(5).R.apply([0.0, 0.005, 0.0])
+    far = (UncertaintyComponent("stand-off", np.append(np.zeros(3), aside)[:, None]),)
+    plain, off = (all_round(5, 0.0, ECCENTRIC, extra=extra).measure() for extra in ((), far))
+    for name in ("rear_track", "front_track"):
+        u, of_plates = (each.uncertainty.vehicle_standard[name] for each in (off, off.plates))
+        assert u == pytest.approx(0.005 * 2.0**0.5, rel=1e-3)
+        assert u == pytest.approx(of_plates, rel=1e-3)
+    for one_way, other in zip(plain.runouts, off.runouts, strict=True):
+        assert other.angles.toe.value == one_way.angles.toe.value
+        assert other.angles.toe.u == pytest.approx(one_way.angles.toe.u, rel=0.05)
+
+
 @pytest.mark.parametrize("moves", [(0.0, 5e-4, 0.0), (0.0, -5e-4, 0.0)])
 def test_a_vehicle_that_moves_along_the_axle_is_reported(moves):
     still = one(Scene(6).references(), moves=[(0, 0, 0), (0, 0, 0)])
@@ -171,9 +197,9 @@ def test_too_little_turn_is_said_never_a_wild_number():
         assert found.reason in runout_text(scene.measure())
 
 
-def all_round(seed, noise, eccentric, wheels=WHEELS):
+def all_round(seed, noise, eccentric, wheels=WHEELS, extra=()):
     """Every wheel turned, its reference scan the first of its run-out."""
-    scene, turns = Scene(seed, noise=noise), Scene(seed, noise=noise)
+    scene, turns = (Scene(seed, noise=noise, extra=extra) for _ in range(2))
     for wheel, off in zip(WHEELS, eccentric, strict=True):
         rolled(turns, wheel, HALF, wobble=WOBBLE, eccentric_m=off, u_turn=1e-3)
     for wheel in WHEELS:
