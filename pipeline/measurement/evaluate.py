@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..capture import StatedVertical
-from ..centre import off_tyre, on_wheel, unlike_wheels, with_unstated
+from ..centre import lies_on_wheel, off_tyre, on_wheel, unlike_wheels, with_unstated
 from ..diagnostics import TRACKS_M, WHEELBASES_M, check_wheels, is_usual
 from ..errors import InputError, Wording
 from ..system import stage
@@ -155,7 +155,8 @@ def _with_wheel_centres(
         if one.evidence is not None and one.target is not None and one.wheel is not None:
             outward = outward_normal(frame, one.fitted.normal, one.wheel)
             carried = on_wheel(one.fitted, one.target, outward)
-            if carried is None and one.name in unlike:
+            own = one.role != "trial" and not lies_on_wheel(one.target)
+            if own and one.wheel in unlike:
                 carried = with_unstated(one.fitted, one.target, outward)
             if one.fitted.method == "tyre" and one.wheel[0] in bulges:
                 carried = off_tyre(one.fitted, bulges[one.wheel[0]], outward, one.wheel)

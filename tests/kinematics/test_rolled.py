@@ -1,15 +1,20 @@
 """Wheels of a vehicle that has rolled, against their axles; rigid-body geometry alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.kinematics.test_runout import ECCENTRIC, all_round
 from tests.support.turning import NOWHERE, PLACES, WHEELS, Scene, facing, side
 from wheelplane.capture.entry import Turn
+from wheelplane.centre.on_wheel import MOST_M
 from wheelplane.errors import InputError
 from wheelplane.kinematics.rolled import carried
 from wheelplane.kinematics.solve import solve
 from wheelplane.measurement import Vertical, align
+from wheelplane.targets import load_target
 from wheelplane.uncertainty import UncertaintyComponent
 
 HALF = (0.0, np.pi)
@@ -137,6 +142,20 @@ def test_what_is_of_the_plate_is_not_less_in_the_mean(name, left):
         mean, one = (each.uncertainty.vehicle_standard for each in (found, found.plates))
         ratios.append(mean["rear_track"] / one["rear_track"])
     np.testing.assert_allclose(ratios, left, rtol=0.02)
+
+
+@pytest.mark.parametrize("scene", [rolled(3)[0], all_round(3, 1.0, ECCENTRIC)])
+def test_what_an_unlike_target_stands_off_by_is_as_uncertain_without_run_out(scene):
+    """A disc on RR and bare wheels beside: no rotation of the wheels shows its stand-off."""
+    targets = {wheel: load_target("disc-250" if wheel == "RR" else "wheel") for wheel in WHEELS}
+    scene.seen = [replace(one, target=targets[one.wheel]) for one in scene.seen]
+    found = measured(scene)
+    assert all(wheel.compensated for wheel in found.wheels[:4])
+    for name in ("rear_track", "centreline_angle"):
+        u, of_plates = (each.uncertainty.vehicle_standard[name] for each in (found, found.plates))
+        assert u == pytest.approx(of_plates, rel=0.02)
+    track = found.uncertainty.vehicle_standard["rear_track"]
+    assert track == pytest.approx(MOST_M / np.sqrt(3.0), rel=0.01)
 
 
 @pytest.mark.parametrize(
