@@ -119,7 +119,8 @@ def observe_capture(
     if wrong:
         free = without_thickness(capture, wrong)
         again, naming = _observed(free, config, fit, progress, several)
-        found = [as_contradicted(one, wrong) for one in again]
+        stated = {one.name: one.target for one in found}
+        found = [as_contradicted(one, stated[one.name]) for one in again]
     return carried(found, capture.source), naming
 
 

@@ -58,10 +58,12 @@ def without_thickness(capture: Capture, wrong: Stated) -> Capture:
     return replace(capture, target=free(capture.target), targets=targets)
 
 
-def as_contradicted(one: Observation, wrong: Stated) -> Observation:
-    """Return an observation without a stated thickness as one in which it was contradicted."""
-    stated = next((stated for plain, stated in wrong if plain == one.target), None)
-    if stated is None or one.evidence is None:
+def as_contradicted(one: Observation, stated: Target | None) -> Observation:
+    """Return an observation without a thickness that is stated as one that contradicted it.
+
+    stated: the target of the same scan before.
+    """
+    if stated == one.target or one.evidence is None:
         return one
     fitted = one.evidence.target
     edge = fitted.edge_fit

@@ -11,6 +11,7 @@ import pytest
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config, config_file
 from wheelplane.measure import measure_capture
+from wheelplane.targets import TargetChoice, load_target
 from wheelplane_synth.output.archive import write_capture
 
 COARSE = """
@@ -94,6 +95,24 @@ def test_a_wrong_thickness_is_used_in_no_scan(capture, tmp_path, thickness):
         )
     assert max(off(found, capture).values()) < 3.0
     assert found.provenance.config["target"]["thickness"] == thickness
+
+
+def test_each_wheel_keeps_the_thickness_that_its_own_file_states(capture, tmp_path):
+    """Discs of files that differ in the thickness alone, two of them wrong and one without."""
+    files = {}
+    for name, line in (("thin", "thickness = 0.005"), ("thick", "thickness = 0.016"), ("free", "")):
+        files[name] = tmp_path / f"{name}.toml"
+        files[name].write_text(f'shape = "disc"\ndiameter = 0.25\n{line}\n', encoding="utf-8")
+    of = {"RR": "thin", "RL": "thin", "FR": "thick", "FL": "free", "1": "thick", "2": "thin"}
+    choice = TargetChoice(None, {name: load_target(str(files[of[name]])) for name in of})
+    with open_capture(capture, choice) as opened:
+        found = measure_capture(opened, Config())
+    stated = {one.observation.name: one.observation.target.thickness for one in found.wheels}
+    assert stated == {name: {"thin": 0.005, "thick": 0.016, "free": None}[of[name]] for name in of}
+    thin, thick = [note for note in found.notes if "mm thick" in note]
+    assert "its file says 5 mm: RR, RL, 2." in thin
+    assert "its file says 16 mm: FR, 1." in thick
+    assert any(note.startswith("FR and FL: unlike the other side") for note in found.notes)
 
 
 def test_the_right_thickness_is_used_in_all_scans(capture, tmp_path):
