@@ -115,7 +115,7 @@ def observe_capture(
     """
     several = fit is fit_target
     found, naming = _observed(capture, config, fit, progress, several)
-    wrong = contradicted_thickness(found) if several else ()
+    wrong = contradicted_thickness(found)
     if wrong:
         free = without_thickness(capture, wrong)
         again, naming = _observed(free, config, fit, progress, several)

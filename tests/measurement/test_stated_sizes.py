@@ -10,7 +10,7 @@ import pytest
 
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config, config_file
-from wheelplane.measure import measure_capture
+from wheelplane.measure import fit_target, measure_capture
 from wheelplane.targets import TargetChoice, load_target
 from wheelplane_synth.output.archive import write_capture
 
@@ -61,13 +61,13 @@ def capture(tmp_path_factory):
     return folder / "capture"
 
 
-def measured(capture, folder, **stated):
+def measured(capture, folder, fit=None, **stated):
     """The measurement with a disc as stated."""
     file = folder / "target.toml"
     lines = [f"{key} = {value}" for key, value in ({"diameter": 0.25} | stated).items()]
     file.write_text("\n".join(['shape = "disc"', *lines]), encoding="utf-8")
     with open_capture(capture, str(file)) as opened:
-        return measure_capture(opened, Config())
+        return measure_capture(opened, Config(), fit=fit)
 
 
 def off(found, capture):
@@ -113,6 +113,22 @@ def test_each_wheel_keeps_the_thickness_that_its_own_file_states(capture, tmp_pa
     assert "its file says 5 mm: RR, RL, 2." in thin
     assert "its file says 16 mm: FR, 1." in thick
     assert any(note.startswith("FR and FL: unlike the other side") for note in found.notes)
+
+
+def test_a_fit_that_looks_at_the_points_measures_the_same(capture, tmp_path):
+    """As five points are picked for a validation: of scans that contradict a thickness, too."""
+    seen = []
+
+    def fit(patch, target, config):
+        seen.append(fit_target(patch, target, config))
+        return seen[-1]
+
+    found = measured(capture, tmp_path, fit, thickness=0.005)
+    plain = measured(capture, tmp_path, thickness=0.005)
+    assert found.notes == plain.notes
+    for one, other in zip(found.wheels, plain.wheels, strict=True):
+        assert one.angles == other.angles
+        assert any(one.observation.evidence.plane is evidence.plane for evidence in seen)
 
 
 def test_the_right_thickness_is_used_in_all_scans(capture, tmp_path):
