@@ -177,17 +177,17 @@ def _by_camber(scans: SweepScans, members: list[int]) -> Estimate:
 def _assess(
     fit: OneAxis, caster: Estimate, inclination: Estimate, swept: str
 ) -> tuple[SweepStatus, str]:
+    if fit.probability < DOUBT:
+        return "not-one-axis", (
+            f"the scans do not turn about one axis (chi2/nu = {fit.chi_square / fit.dof:.1f}): "
+            "the wheel rolled, the body moved, or the target slipped"
+        )
     for name, angle in (("caster", caster), ("steering axis inclination", inclination)):
         if not angle.u <= MOST_U_RAD:
             return "range-too-small", (
                 f"steered through {swept}, the {name} is known to {math.degrees(angle.u):.1f}° "
                 "(k = 1) only: steer further, or scan more positions"
             )
-    if fit.probability < DOUBT:
-        return "not-one-axis", (
-            f"the scans do not turn about one axis (chi2/nu = {fit.chi_square / fit.dof:.1f}): "
-            "the wheel rolled, the body moved, or the target slipped"
-        )
     return "ok", ""
 
 

@@ -190,6 +190,23 @@ def test_a_wheel_that_rolls_is_seen_by_a_plate_that_wobbles_alone():
         assert found.status == status
 
 
+@pytest.mark.parametrize("lock_deg", [2.0, 20.0])
+def test_a_body_that_leans_is_reported_however_far_the_wheel_was_steered(lock_deg):
+    """By 0.1 degrees at one position: over 2 degrees of lock it is 1.5 degrees of caster."""
+    scene = Scene(3).references()
+    steers = np.radians([-lock_deg, 0.0, lock_deg])
+    assert one(replace(scene, seen=[*scene.seen]), steers=steers).status != "not-one-axis"
+    swept(scene, "FL", CASTER, INCLINATION, steers)
+    lean = scene.R * Rotation.from_rotvec([np.radians(0.1), 0.0, 0.0]) * scene.R.inv()
+    ground = scene.R.apply([2.64, 0.0, -0.3]) + scene.shift
+    last = scene.seen[-1]
+    centre_m = ground + lean.apply(last.fitted.centre_m - ground)
+    target = replace(last.fitted, normal=lean.apply(last.fitted.normal), centre_m=centre_m)
+    scene.seen[-1] = replace(last, evidence=replace(last.evidence, target=target))
+    (found,) = scene.measure().steering_axes
+    assert (found.status, found.caster, found.inclination) == ("not-one-axis", None, None)
+
+
 @pytest.mark.parametrize(
     ("steers", "status", "known"),
     [
