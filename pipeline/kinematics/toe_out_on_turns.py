@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -30,7 +31,7 @@ MOST_APART = 4.5  # u, between a target and the prediction from its reference
 def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[ToeOut, ...]:
     """Return toe-out on the left turn, then on the right; none where both wheels share no position.
 
-    steering_axes: of the same scans.
+    steering_axes: of the same scans. Where these do not turn about one axis, it has no value.
     """
     tilts = {}
     for steering in steering_axes:
@@ -47,7 +48,14 @@ def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[Toe
     less = [known(-(right + left)) for right, left in pairs]  # inner less outer, on either turn
     left = tuple(zip((known(-toe) for _, toe in pairs), less, strict=True))
     right = tuple(zip((known(-toe) for toe, _ in pairs), less, strict=True))
-    turns = ToeOut("left", curve=left, of=of), ToeOut("right", curve=right, of=of)
+    turns = [ToeOut("left", curve=left, of=of), ToeOut("right", curve=right, of=of)]
+    moved = [axis.wheel for axis in steering_axes if axis.status == "not-one-axis"]
+    if moved:
+        reason = (
+            f"the scans of {' and '.join(moved)} do not turn about one axis, so that they show "
+            "more than the steering"
+        )
+        turns = [replace(turn, status="not-one-axis", reason=reason) for turn in turns]
     return tuple(toe_out_at(turn, INNER_RAD) for turn in turns)
 
 

@@ -35,7 +35,7 @@ NAMED = "Wheels named by the geometry; front: {front}; up: {up}."
 
 SweepStatus = Literal["ok", "too-few-positions", "range-too-small", "no-axis", "not-one-axis"]
 AxleStatus = Literal["ok", "too-few-positions", "turn-too-small", "no-axis", "moved"]
-ToeOutStatus = Literal["ok", "too-few-pairs", "not-together", "not-reached"]
+ToeOutStatus = Literal["ok", "not-one-axis", "too-few-pairs", "not-together", "not-reached"]
 VerticalKind = Literal["wheels", "floor", "gravity"]
 FrameThrough = Literal["axle centres", "axle and plate centres", "plate centres"]
 LEAST_UNIFORM = 0.1  # share of a rectangle in u, below which k changes by less than 5e-6

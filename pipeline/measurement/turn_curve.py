@@ -20,8 +20,13 @@ Pair = tuple[Estimate, Estimate]  # the inner wheel's angle, and how much less t
 
 
 def toe_out_at(found: ToeOut, inner_rad: float) -> ToeOut:
-    """Return toe-out on the same turn with the inner wheel at an angle, from `found.curve`."""
+    """Return toe-out on the same turn with the inner wheel at an angle, from `found.curve`.
+
+    None of a wheel whose scans do not turn about one axis, as `found.status` says.
+    """
     none = replace(found, inner_rad=inner_rad, difference=None, u_interpolation_rad=0.0)
+    if found.status == "not-one-axis":
+        return none
     if len(found.curve) < LEAST_PAIRS:
         reason = f"both wheels share {len(found.curve)} positions, {LEAST_PAIRS} or more are needed"
         return replace(none, status="too-few-pairs", reason=reason)

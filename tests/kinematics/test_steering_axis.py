@@ -21,6 +21,9 @@ from tests.support.turning import (
 )
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.errors import InputError
+from wheelplane.kinematics.steering_axis import STEERED
+from wheelplane.kinematics.toe_out_on_turns import INNER_RAD
+from wheelplane.measurement.quantities import steering_quantity
 from wheelplane.report.json.measurement import to_json
 from wheelplane.report.text.kinematics import steering_text
 from wheelplane.uncertainty.components import flatness_component, mounting_component
@@ -246,6 +249,28 @@ def test_toe_out_on_turns():
         curve = 0.4 * np.radians(4.0) * np.radians(1.0) / 2.0
         assert found.u_interpolation_rad == pytest.approx(curve, rel=1e-3)
         assert NORMAL_RAD < found.difference.u < np.hypot(curve, 4.0 * NORMAL_RAD)
+
+
+def test_a_target_that_slips_leaves_no_toe_out_on_turns():
+    """By a degree on FL, with which toe-out on the left turn is off by half of that."""
+    scene = Scene(4).references()
+    for wheel in STEERED:
+        steers = SWEEP + 0.2 * SWEEP**2 * side(wheel)
+        swept(scene, wheel, CASTER, INCLINATION, steers, positions=[*map(str, range(len(SWEEP)))])
+    still = scene.measure()
+    assert [(turn.turn, turn.status) for turn in still.toe_out] == [("left", "ok"), ("right", "ok")]
+    slip = Rotation.from_rotvec(np.radians(1.0) * scene.R.apply([0.0, 0.0, 1.0]))
+    last = scene.seen[-1]
+    target = replace(last.fitted, normal=slip.apply(last.fitted.normal))
+    scene.seen[-1] = replace(last, evidence=replace(last.evidence, target=target))
+    found = scene.measure()
+    assert [axis.status for axis in found.steering_axes] == ["ok", "not-one-axis"]
+    for turn in found.toe_out:
+        assert (turn.status, turn.difference) == ("not-one-axis", None)
+        assert turn.reason.startswith("the scans of FL do not turn about one axis")
+    limited = steering_quantity(found, "toe_out_left", INNER_RAD)
+    assert limited.value is None
+    assert limited.reason == f"not measured, not-one-axis: {found.toe_out[0].reason}"
 
 
 def test_u_of_toe_out_counts_both_wheels():
