@@ -90,7 +90,7 @@ def with_unstated(fit: TargetFit, target: Target, outward: Array) -> TargetFit:
     Its root mean square, as the centre is not carried; alike on all wheels with this target.
     """
     component = _along(outward, MOST_M / math.sqrt(3.0))
-    component = replace(component, shared=f"on {target.description}")
+    component = replace(component, shared=f"on {target!r}")  # two may be described alike
     return replace(fit, components=(*fit.components, component))
 
 

@@ -7,6 +7,8 @@ import pytest
 
 from tests.kinematics.test_runout import ECCENTRIC, all_round
 from tests.support.shaded_discs import Disc, halves
+from tests.support.turning import Scene
+from wheelplane.centre.on_wheel import MOST_M
 from wheelplane.config import InstrumentConfig, PlaneConfig
 from wheelplane.measurement.assumptions import notes_of_assumptions
 from wheelplane.plane import fit_plane
@@ -55,6 +57,23 @@ def test_what_the_files_state_is_not_noted(plates):
     flat = DISC.model_copy(update={"clamp_tilt_deg": 0.01})
     (zeros,) = notes_of_assumptions(plates, flat, STATED)
     assert zeros == "Counted as zero, as no file states them: flatness of the target."
+
+
+@pytest.fixture(scope="module")
+def unlike():
+    """Discs on one axle that differ in the thickness alone, at distances that nobody states."""
+    scene = Scene(2).references()
+    thin = DISC.model_copy(update={"thickness": 0.004})
+    targets = {"RR": thin, "RL": DISC, "FR": DISC, "FL": DISC}
+    scene.seen = [replace(one, target=targets[one.name]) for one in scene.seen]
+    return scene.measure()
+
+
+def test_targets_that_are_described_alike_stand_off_by_distances_of_their_own(unlike):
+    u, one = unlike.uncertainty.vehicle_standard, MOST_M / np.sqrt(3.0)
+    assert u["rear_track"] == pytest.approx(np.sqrt(2.0) * one, rel=0.01)
+    middles = one / np.sqrt(2.0) / unlike.vehicle["wheelbase"]
+    assert u["centreline_angle"] == pytest.approx(middles, rel=0.01)
 
 
 def tilted(measurement, degrees):
