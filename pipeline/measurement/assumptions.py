@@ -243,12 +243,16 @@ def _note_of_centres(measurement: Measurement) -> Iterator[str]:
 
 
 def _skewed(measurement: Measurement, unlike: Sequence[str]) -> tuple[float, float, float]:
-    """Return the turns of rear-axle normal, up and centreline where targets stand SHOWN_M off."""
+    """Return the turns of rear-axle normal, up and centreline where targets stand SHOWN_M off.
+
+    Where both of an axle are unlike each other, one of them: it is their difference that skews.
+    """
     references = measurement.wheels[:4]
     centres = np.stack([wheel.observation.fitted.centre_m for wheel in references])
     moved = centres.copy()
+    one_of_axle = {name[0]: name for name in unlike}.values()
     for row, wheel in enumerate(references):
-        if wheel.observation.name in unlike and wheel.normal is not None:
+        if wheel.observation.name in one_of_axle and wheel.normal is not None:
             moved[row] -= SHOWN_M * wheel.normal
     frame, other = build_reference_frame(centres), build_reference_frame(moved)
     along = [each[2:].mean(axis=0) - each[:2].mean(axis=0) for each in (centres, moved)]

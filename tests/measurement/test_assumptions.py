@@ -1,5 +1,6 @@
 """Notes on the first page: of what the angles are, and what counts as zero in their uncertainty."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,18 @@ def test_targets_that_are_described_alike_stand_off_by_distances_of_their_own(un
     assert u["rear_track"] == pytest.approx(np.sqrt(2.0) * one, rel=0.01)
     middles = one / np.sqrt(2.0) / unlike.vehicle["wheelbase"]
     assert u["centreline_angle"] == pytest.approx(middles, rel=0.01)
+
+
+def test_the_skew_that_is_noted_is_by_what_unlike_targets_of_an_axle_differ(unlike):
+    notes = notes_of_assumptions(unlike, DISC, InstrumentConfig())
+    (note,) = (one for one in notes if "skews the frame" in one)
+    assert note.startswith("RR and RL: unlike the other side of the axle")
+    shown = [float(part) for part in re.findall(r"by (\d+\.\d)'", note)]
+    left, vehicle = unlike.wheels[1].angles, unlike.vehicle
+    skewed = [abs(np.sin(left.toe_rad)), abs(np.sin(left.camber_rad))]
+    expected = 0.05 * np.array([*(one / vehicle["rear_track"] for one in skewed), 0.0])
+    expected[2] = 0.05 / 2.0 / vehicle["wheelbase"]
+    assert np.abs(shown - 60.0 * np.degrees(expected)).max() < 0.1
 
 
 def tilted(measurement, degrees):
