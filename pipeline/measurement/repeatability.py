@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..system import frozen
-from ..uncertainty import chi_square_beyond, least_squares, scatter_beyond
+from ..uncertainty import UncertaintyComponent, chi_square_beyond, least_squares, scatter_beyond
 from ..vectors import Array
 from .doubts import are_copies
 from .records import Measurement, Observation
@@ -20,6 +20,7 @@ OF_PLATE = (
     "clamp",
     "stand-off",
 )  # components constant for a target, which no scatter shows
+TYRE_RUNOUT = "tyre run-out"  # constant, too, while the wheel is not rotated
 DOUBT = 0.01  # probability below which scatter counts as larger, or smaller, than predicted
 
 
@@ -58,25 +59,36 @@ class Repeats:
 
 def share_components(observations: Sequence[Observation]) -> list[Observation]:
     """Share the components of a target among its repeat scans, so that they cancel between them."""
+    named = {o.name: o for o in observations}
     repeated = {o.repeats for o in observations if o.repeats is not None}
     return [
-        _share(observation, observation.repeats or observation.name)
+        _share(observation, named[observation.repeats or observation.name])
         if observation.repeats is not None or observation.name in repeated
         else observation
         for observation in observations
     ]
 
 
-def _share(observation: Observation, plate: str) -> Observation:
+def _share(observation: Observation, first: Observation) -> Observation:
+    """Return a scan of the target of `first` with components that it shares with this.
+
+    The run-out of a tyre, as large as other waves of it in each scan, is that of the first.
+    """
     if observation.evidence is None:
         return observation
     target = observation.evidence.target
-    components = tuple(
-        replace(component, shared=f"plate of {plate}")
-        if component.name in OF_PLATE and math.isinf(component.dof)
-        else component
-        for component in target.components
-    )
+    of_first = first.evidence.target.components if first.evidence else ()
+    runout = next((one for one in of_first if one.name == TYRE_RUNOUT), None)
+    plate = f"plate of {first.name}"
+
+    def shared(component: UncertaintyComponent) -> UncertaintyComponent:
+        if component.name == TYRE_RUNOUT and runout is not None:
+            return replace(runout, shared=plate)
+        if component.name in OF_PLATE and math.isinf(component.dof):
+            return replace(component, shared=plate)
+        return component
+
+    components = tuple(map(shared, target.components))
     evidence = replace(observation.evidence, target=replace(target, components=components))
     return replace(observation, evidence=evidence)
 

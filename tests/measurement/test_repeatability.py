@@ -15,7 +15,11 @@ from wheelplane.measurement.evaluate import align
 from wheelplane.measurement.records import Evidence, Observation, Provenance
 from wheelplane.measurement.repeatability import pool, pool_repeats
 from wheelplane.targets.registry import load_target
-from wheelplane.uncertainty.components import flatness_component, mounting_component
+from wheelplane.uncertainty.components import (
+    UncertaintyComponent,
+    flatness_component,
+    mounting_component,
+)
 
 NOWHERE = Provenance("test", None, "0", {}, {}, 0)
 
@@ -97,8 +101,11 @@ def test_drift_is_found_with_its_uncertainty():
     assert pool("toe", np.array([0.0, 1e-5]), 1e-10 * np.eye(2)).drift is None
 
 
-def measurement(plate=True, moved=(5e-5, -5e-5)):
-    """A car whose RR was scanned three times; what comes with the plate is large."""
+def measurement(plate=True, moved=(5e-5, -5e-5), runouts=()):
+    """A car whose RR was scanned three times; what comes with the plate is large.
+
+    runouts: of its tyre as each scan shows it, radians.
+    """
     targets = car(11)
     rear = targets[0]
     if plate:
@@ -111,6 +118,11 @@ def measurement(plate=True, moved=(5e-5, -5e-5)):
     again = [
         replace(rear, normal=(n := rear.normal + turn * axis) / np.linalg.norm(n)) for turn in moved
     ]
+    tilts = [(UncertaintyComponent("tyre run-out", np.eye(6, 3) * u, dof=4.0),) for u in runouts]
+    rear, *again = (
+        replace(seen, components=(*seen.components, *tilt))
+        for seen, tilt in zip((rear, *again), tilts or [()] * 3, strict=True)
+    )
     named = [(w, "reference", w, None) for w in WHEELS[:4]]
     named += [("b", "trial", "RR", "RR"), ("c", "trial", "RR", "RR")]
     seen = [
@@ -132,6 +144,17 @@ def test_what_comes_with_the_plate_cancels_between_its_scans():
     assert toe.u_drift == pytest.approx(alone.u_drift, rel=1e-3)
     assert toe.u > 10 * alone.u
     assert result.wheels[0].u_toe_rad > 20 * alone.u_drift
+
+
+def test_run_out_of_a_tyre_is_in_all_its_scans_alike_however_large_each_shows_it():
+    """Repeat scans do not lessen it, nor is it extrapolated away by its unlike sizes."""
+    alone = pool_repeats(measurement(plate=False))[0].angles[0]
+    result = measurement(plate=False, runouts=(2e-3, 1.8e-3, 2.1e-3))
+    toe = pool_repeats(result)[0].angles[0]
+    assert toe.u == pytest.approx(np.hypot(2e-3, alone.u), rel=1e-2)
+    assert toe.pooled == pytest.approx(alone.pooled, abs=0.1 * alone.u)
+    assert toe.u_drift == pytest.approx(alone.u_drift, rel=1e-2)
+    assert toe.chi_square == pytest.approx(alone.chi_square, rel=1e-2)
 
 
 def test_a_scan_that_moved_is_reported():
