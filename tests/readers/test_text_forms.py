@@ -170,6 +170,26 @@ def test_names_in_a_comment_are_names(tmp_path, sign, count):
     assert scan.intensity.tolist() == SHADES
 
 
+@pytest.mark.parametrize("sign", ["", "# ", "//"])
+@pytest.mark.parametrize(
+    "head",
+    [
+        *("Z [{0}], Y [{0}], X [{0}]", "Z [{0}] Y [{0}] X [{0}]", "Z ({0}); Y ({0}); X ({0})"),
+        *('"Z [{0}]" "Y [{0}]" "X [{0}]"', "Columns: Z_{0} Y_{0} X_{0}", "Z_{0}, Y_{0}, X_{0}"),
+        *("Fields = Z [{0}], Y [{0}], X [{0}]", "Column order: Z_{0}, Y_{0}, X_{0}"),
+    ],
+)
+@pytest.mark.parametrize("mark", [" ", ";", ","])
+def test_names_are_found_where_they_are_separated_otherwise_than_the_rows(
+    tmp_path, mark, head, sign
+):
+    """None is passed over, which would take z for x and millimetres for metres."""
+    text = f"{sign}{head.format('mm')}\n{rows(mark, shades=False)}"
+    scan = read(tmp_path, text, unit="mm")
+    assert scan.points_m.tolist() == (POINTS[:, ::-1] / 1e3).tolist()
+    refuse(tmp_path, text, "states lengths in mm, but they would be taken as m")
+
+
 @pytest.mark.parametrize("words", ["made by hand of y x z", "points: x y z", "1 2 3 4", ""])
 def test_other_comments_name_nothing(tmp_path, words):
     scan = read(tmp_path, f"# {words}\n{rows()}")

@@ -15,7 +15,12 @@ from .lines import is_number
 
 _MOST_LINES_BEFORE = 100_000
 _NAMES_WITHIN = 100  # lines above the rows
-_WORDS = re.compile(r'"[^"]*"|[^\s,;]+')
+# A name in quotes, or a word with the unit in brackets that may follow it.
+_WORDS = re.compile(r'"[^"]*"|[^\s,;\[(][^\s,;]*(?:[ \t]+[\[(][^\[\]()]*[\])])?|[^\s,;]+')
+_NAMES_FOLLOW = re.compile(
+    r"\s*(?:[^\W\d]+\s+)?(?:columns?|fields?|names?|format|order|layout|header)\s*[:=]\s+",
+    re.IGNORECASE,
+)
 
 Line = tuple[int, str]  # its number in the file, its text
 
@@ -149,9 +154,16 @@ def _named_in_comment(heading: Heading, source: Source) -> tuple[int, Layout] | 
 
 
 def _names(text: str, delimiter: str | None, columns: int) -> list[str]:
-    """Split a line of names as the rows are split, or else at blanks, commas and semicolons."""
+    """Split a line of names as the rows are split, or else at blanks, commas and semicolons.
+
+    Before them may stand what they are: `columns: x y z`.
+    """
+    if follow := _NAMES_FOLLOW.match(text):
+        text = text[follow.end() :]
     names = cells_of(text, delimiter)
-    return names if len(names) == columns else [name.strip('"') for name in _WORDS.findall(text)]
+    if len(names) == columns and not any(name.endswith((",", ";")) for name in names):
+        return names
+    return [name.strip('"') for name in _WORDS.findall(text)]
 
 
 def _units(
