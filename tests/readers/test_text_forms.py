@@ -153,6 +153,27 @@ def test_a_unit_in_the_header_that_contradicts_the_given_one_is_an_error(tmp_pat
     refuse(tmp_path, f"{head}\n{rows(';', shades=False)}", says)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("# Units: mm", "Unit: mm", "// Units = [mm]", "Units;mm", "# Length unit: millimetres"),
+        *("# units in mm", "# Coordinate units are mm", "# Units: mm\n# Date: 2026-11-20"),
+    ],
+)
+def test_a_unit_in_a_line_above_the_rows_must_be_the_given_one(tmp_path, line):
+    for head in ("", "x;y;z;i\n"):
+        text = f"{line}\n{head}{rows(';')}"
+        refuse(tmp_path, text, "states lengths in mm, but they would be taken as m")
+        assert read(tmp_path, text, unit="mm").points_m.tolist() == (POINTS / 1e3).tolist()
+    assert read(tmp_path, f"{line}\nX [m];Y [m];Z [m];I\n{rows(';')}").invalid_points == 0
+
+
+def test_lines_that_state_no_unit_or_several(tmp_path):
+    for line in ("# Units: default", "# unit: in the frame of the bay", "# Intensity unit: mm"):
+        assert len(read(tmp_path, f"{line}\n{rows()}").points_m) == 6
+    refuse(tmp_path, f"# Unit: mm\n# Unit: in\n{rows()}", "state the units in, mm: state one")
+
+
 @pytest.mark.parametrize("unit", ["m", "mm", "in"])
 @pytest.mark.parametrize("head", ["X [{0}];Y [{0}];Z [{0}];I [-]", "x;y;z;i\n{0};{0};{0};-"])
 def test_a_unit_in_the_header_that_agrees_is_used(tmp_path, unit, head):

@@ -15,7 +15,14 @@ from collections.abc import Iterator, Sequence
 from ...system import frozen
 from ..faults import fault, too_short
 from ..parsing.ascii import Cells, NumberTable, is_label, table_blocks
-from ..parsing.columns import MOST_UNNAMED, check_unnamed, find_layout, unnamed_layout
+from ..parsing.columns import (
+    MOST_UNNAMED,
+    check_unnamed,
+    find_layout,
+    stated_unit,
+    unit_of,
+    unnamed_layout,
+)
 from ..parsing.heading import Heading, check_prose, named_layout, read_heading
 from ..parsing.heights import Heights, height_blocks, stated_heights
 from ..parsing.lines import Lines, count_lines
@@ -51,7 +58,18 @@ def read_text(source: Source, with_intensity: Sequence[int] = (4,)) -> RawCloud:
         rows = lines * form.columns
         return RawCloud(rows, False, blocks, has_grid=True, unit=form.holds.unit)
     blocks = map(form.holds.block, tables)
-    return RawCloud(lines, form.holds.has_intensity, blocks, unit=form.holds.unit)
+    unit = form.holds.unit or _unit_above(heading, source)
+    return RawCloud(lines, form.holds.has_intensity, blocks, unit=unit)
+
+
+def _unit_above(heading: Heading, source: Source) -> str | None:
+    """Return the unit that a line above the rows states. Raises InputError for two."""
+    stated = map(stated_unit, [*heading.comments, *(text for _, text in heading.lines)])
+    units = {unit for unit in map(unit_of, filter(None, stated)) if unit}
+    if len(units) > 1:
+        fact = f"the lines above its points state the units {', '.join(sorted(units))}"
+        raise fault(source, fact, "state one")
+    return next(iter(units), None)
 
 
 def _form(heading: Heading, source: Source, with_intensity: Sequence[int]) -> _Form:

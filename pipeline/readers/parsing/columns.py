@@ -37,8 +37,13 @@ _UNITS = {
 }
 _BRACKETED = re.compile(r"(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\))")
 _SUFFIXED = re.compile(r"(.*?)(?:\s*/\s*|_|\s+in\s+|\s+)(\w+)")
+_UNIT_LINE = re.compile(
+    r"\W*(?:(?:height|length|linear|coordinate) |z ?)?units?[\"'\s]*[\s:=,;]+[\"'\s]*"
+    r"(?:(?:in|is|are)\s+)?([^\s\"',;]+)",
+    re.IGNORECASE,
+)
 _DECORATION = re.compile(r"coordinates?|coord|position|pos|axis|value|[\s_.-]+")
-_LONGEST_NAME = 100
+_LONGEST_NAME, _LONGEST_UNIT_LINE = 100, 200
 MOST_UNNAMED = 12
 _SHOWN_ROWS = 1000
 _FEWEST_ROWS = 3
@@ -47,6 +52,12 @@ _FEWEST_ROWS = 3
 def unit_of(text: str) -> str | None:
     """Return the unit of length that a word stands for: m, mm, in, cm, µm, nm, ft; or None."""
     return _UNITS.get(text.strip(" \t\"'[]()").lower())
+
+
+def stated_unit(line: str) -> str | None:
+    """Return the word that a line gives as the unit (`Units: mm`); None if it gives none."""
+    found = _UNIT_LINE.match(line) if len(line) <= _LONGEST_UNIT_LINE else None
+    return found and found[1]
 
 
 def find_layout(names: Sequence[str]) -> Layout:

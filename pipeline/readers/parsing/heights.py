@@ -11,15 +11,12 @@ from ...system import frozen
 from ...vectors import Array
 from ..faults import fault
 from ..source import Block, Source
-from .columns import unit_of
+from .columns import stated_unit, unit_of
 from .lines import is_number
 
 _KEY_AND_VALUE = re.compile(
     r"\W*([^\W\d][\w /().\[\]µμ-]*?)[\"'\s]*[\s:=,;][\"'\s]*([-+.\d][\d.e+-]*)[\"'\s,;]*(\S*)",
     re.IGNORECASE,
-)
-_UNIT = re.compile(
-    r"\W*(?:height |z ?)?units?[\"'\s]*[\s:=,;]+[\"'\s]*([^\s\"',;]+)", re.IGNORECASE
 )
 _OF = "(?:pixel)?(?:pitch|resolution|spacing|interval|step|calibration|size)"
 _PITCH = {
@@ -59,8 +56,8 @@ def stated_heights(lines: Iterable[str]) -> Heights | None:
     unit = none = None
     flip = False
     for line in (text for text in lines if len(text) <= _LONGEST_LINE):
-        if found := _UNIT.match(line):
-            unit = unit_of(found[1]) or unit
+        if (stated := stated_unit(line)) is not None:
+            unit = unit_of(stated) or unit
             continue
         found = _KEY_AND_VALUE.match(line)
         if not found or not is_number(found[2]):
