@@ -130,6 +130,25 @@ def test_intensity_is_kept_in_its_own_scale(tmp_path, kind):
     assert scan.intensity.tolist() == shown.tolist()
 
 
+@pytest.mark.parametrize("kind", ["intensity", "colour"])
+def test_an_intensity_or_colour_that_is_marked_as_invalid_is_not_known(tmp_path, kind):
+    """Its point is: only what stands for its brightness is none."""
+    names, flag = {
+        "intensity": (("intensity",), "isIntensityInvalid"),
+        "colour": (e57.COLOUR, "isColorInvalid"),
+    }[kind]
+    unknown = np.arange(COUNT) % 5 == 0
+    shown = {name: (Integer(0, 255), np.where(unknown, 0, 200)) for name in names}
+    path = tmp_path / "rr.e57"
+    points = cloud()
+    write_e57(path, E57Scan(xyz(points) | shown | {flag: (Integer(0, 1), unknown.astype(int))}))
+    scan = read_scan(path)
+    assert scan.points_m.tobytes() == points.tobytes()
+    assert np.isnan(scan.intensity).tolist() == unknown.tolist()
+    np.testing.assert_allclose(scan.intensity[~unknown], 200.0)
+    np.testing.assert_allclose(summarise_scan(path, "m").intensity, [200.0, 200.0])
+
+
 def test_row_and_column_are_kept(tmp_path):
     rows, columns = np.divmod(np.arange(COUNT) * 7_001, 100_003)
     shown = {"rowIndex": (Integer(0, 10**6), rows), "columnIndex": (Integer(0, 10**6), columns)}

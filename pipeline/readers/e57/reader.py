@@ -26,6 +26,7 @@ BYTES_PER_XML_BYTE = 20
 INVALID = {CARTESIAN: "cartesianInvalidState", SPHERICAL: "sphericalInvalidState"}
 INTENSITY = "intensity"
 COLOUR = ("colorRed", "colorGreen", "colorBlue")
+UNKNOWN = {(INTENSITY,): "isIntensityInvalid", COLOUR: "isColorInvalid"}
 GRID = ("rowIndex", "columnIndex")
 LARGEST_INDEX = 2**31
 
@@ -63,7 +64,7 @@ def _columns(scan: E57Scan, shade: tuple[str, ...]) -> dict[str, str]:
     system = _system(scan)
     columns = dict.fromkeys(system, "d")
     columns |= dict.fromkeys(shade if scan.has(*shade) else (), "d")
-    optional = (INVALID[system], *GRID)
+    optional = (INVALID[system], UNKNOWN[shade], *GRID)
     return columns | {name: "q" for name in optional if scan.has(name)}
 
 
@@ -86,7 +87,7 @@ def _blocks(
             for i, (name, form) in enumerate(columns[filled.part].items())
         }
         _check_grid([table[name] for name in GRID if name in table], source)
-        yield _block(table, filled.part, _system(scans[filled.part]))
+        yield _block(table, filled.part, _system(scans[filled.part]), shade)
 
 
 def _check_grid(indices: list[PointColumn], source: Source) -> None:
@@ -96,7 +97,9 @@ def _check_grid(indices: list[PointColumn], source: Source) -> None:
             raise fault(source, f"a point lies in row or column {beyond[0]}")
 
 
-def _block(table: dict[str, PointColumn], part: int, system: tuple[str, str, str]) -> Block:
+def _block(
+    table: dict[str, PointColumn], part: int, system: tuple[str, str, str], shade: tuple[str, ...]
+) -> Block:
     first, second, third = (table[name] for name in system)
     invalid = table.get(INVALID[system])
     no_intensity, no_index = (np.broadcast_to(value, len(first)) for value in (np.nan, -1))
@@ -104,6 +107,8 @@ def _block(table: dict[str, PointColumn], part: int, system: tuple[str, str, str
         intensity = luminance(*(table[name] for name in COLOUR))
     else:
         intensity = table.get(INTENSITY, no_intensity)
+    if UNKNOWN[shade] in table:
+        intensity = np.where(table[UNKNOWN[shade]] != 0, np.nan, intensity)
     return Block(
         xyz=_to_cartesian(first, second, third) if system == SPHERICAL else (first, second, third),
         intensity=intensity,
