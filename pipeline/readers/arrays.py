@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from io import BufferedReader, BytesIO, StringIO
 from pathlib import Path
 from typing import Any, cast
@@ -94,8 +93,7 @@ def _named_rows(
             fact = f"the column {names[index]} is of the type {column.dtype}"
             raise fault(source, fact, "give numbers, NaN where there is no return")
     rows = np.column_stack([_filled(column).ravel() for column in columns])
-    colour = tuple(range(3, rows.shape[1])) if layout.colour else ()
-    return rows, replace(unnamed_layout(rows.shape[1]), unit=layout.unit, colour=colour)
+    return rows, layout.in_order
 
 
 def _check_unit(stated: str | None, length_unit: str, source: Source) -> None:

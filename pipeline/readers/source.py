@@ -123,6 +123,14 @@ class Layout:
         """Indices of all these columns."""
         return (*self.xyz, *(self.colour if self.intensity is None else (self.intensity,)))
 
+    @property
+    def in_order(self) -> Layout:
+        """The same of these columns alone, one after the other as `used` names them."""
+        after_xyz = tuple(range(3, len(self.used)))
+        if self.intensity is not None:
+            return Layout((0, 1, 2), 3, self.unit)
+        return Layout((0, 1, 2), None, self.unit, after_xyz)
+
     def block(self, table: Array) -> Block:
         """Return a table (N, columns) as a block."""
         return self.block_of(list(table.T))

@@ -12,7 +12,7 @@ from tests.support.scenes import Setup, make
 from wheelplane.config import Config
 from wheelplane.detection import find_target
 from wheelplane.plane import fit_plane
-from wheelplane.readers import read_scan
+from wheelplane.readers import ReadOptions, read_scan
 from wheelplane.readers.colour import luminance
 from wheelplane.targets import load_target
 
@@ -63,6 +63,15 @@ def text(path, heading=""):
     path.write_text(heading + "\n".join(rows) + "\n")
 
 
+def commas():
+    rows = np.column_stack([XYZ, RGB]).tolist()
+    return f"{COUNT}\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
+
+
+def raster():
+    return records(XYZ, RGB, BYTES).reshape(-1, 5)
+
+
 def las(path, point_format, intensity=0, following=()):
     """Write points that are the last returns of their pulses, and records that follow them."""
     header = laspy.LasHeader(point_format=point_format, version="1.4")
@@ -95,6 +104,10 @@ WRITERS = {
     **{f"{form}.las": lambda path, form=form: las(path, form) for form in (2, 3, 5, 7, 8, 10)},
     **{f"{form}.laz": lambda path, form=form: las(path, form) for form in (2, 3, 7, 8)},
     "colours.e57": e57,
+    "commas.pts": lambda path: path.write_text(commas()),
+    "records.npy": lambda path: np.save(path, records(XYZ, RGB, BYTES)),
+    "raster.npy": lambda path: np.save(path, np.asfortranarray(raster())),
+    "raster.npz": lambda path: np.savez(path, points=raster()),
 }
 
 
@@ -104,6 +117,30 @@ def test_the_luminance_is_read_where_there_is_no_intensity(tmp_path, name):
     scan = read_scan(tmp_path / name)
     np.testing.assert_allclose(scan.points_m, XYZ, atol=1e-9)
     np.testing.assert_allclose(scan.intensity, RGB @ [0.2126, 0.7152, 0.0722], rtol=1e-6)
+
+
+@pytest.mark.parametrize("order", "CF")
+def test_columns_that_are_named_by_option_are_a_colour_in_a_text_and_in_an_array(tmp_path, order):
+    names = ReadOptions(columns=("x", "y", "z", "r", "g", "b"))
+    text(tmp_path / "rr.xyz")
+    np.save(tmp_path / "rr.npy", np.array(np.column_stack([XYZ, RGB]), order=order))
+    for name in ("rr.xyz", "rr.npy"):
+        scan = read_scan(tmp_path / name, options=names)
+        np.testing.assert_array_equal(scan.points_m, XYZ)
+        np.testing.assert_allclose(scan.intensity, RGB @ [0.2126, 0.7152, 0.0722], rtol=1e-6)
+
+
+@pytest.mark.parametrize("orders", ["CC", "CF", "FC", "FF"])
+def test_an_array_of_intensities_belongs_to_the_points_of_records_in_any_order(tmp_path, orders):
+    points, shades = raster(), SHADE.reshape(-1, 5)
+    kept = [
+        np.array(array, order=order) for array, order in zip((points, shades), orders, strict=True)
+    ]
+    for held in (kept[0], kept[0][["x", "y", "z"]].copy(order="K")):
+        np.savez(tmp_path / "rr.npz", points=held, intensity=kept[1])
+        scan = read_scan(tmp_path / "rr.npz")
+        np.testing.assert_array_equal(scan.points_m, XYZ)
+        assert scan.intensity.tolist() == SHADE.tolist()
 
 
 @pytest.mark.parametrize("name", ["rr.las", "rr.laz", "rr.e57", "rr.csv"])

@@ -10,7 +10,7 @@ import ast
 import math
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -45,10 +45,14 @@ class Header:
         return math.prod(self.shape)
 
 
-def read_npy(source: Source) -> RawCloud:
-    """Read an array of numbers, or of records with named numbers."""
+def read_npy(source: Source, *, has_shade: bool = True) -> RawCloud:
+    """Read an array of numbers, or of records with named numbers.
+
+    has_shade: whether a colour counts as the intensity where the array holds none.
+    """
     header = read_header(source)
     columns = header.shape[-1]
+    read: Callable[[Header, Source, bool], RawCloud]
     if header.dtype.names is not None:
         read = _read_fields
     elif source.options.pitch is not None and len(header.shape) == 2:
@@ -59,17 +63,18 @@ def read_npy(source: Source) -> RawCloud:
         action = "save rows of x y z, or give --pitch DX,DY if it is a matrix of heights"
         raise fault(source, f"the array has the shape {shown(str(header.shape))}", action)
     check_size(source, header)
-    return read(header, source) if header.values else RawCloud(0, False, iter(()))
+    return read(header, source, has_shade) if header.values else RawCloud(0, False, iter(()))
 
 
-def _read_points(header: Header, source: Source) -> RawCloud:
+def _read_points(header: Header, source: Source, has_shade: bool) -> RawCloud:
     columns, names = header.shape[-1], source.options.columns
     if names is not None and len(names) != columns:
         fact = f"the array has {columns} columns, --columns names {len(names)}"
         raise fault(source, fact, "name each, or - to skip it")
     if names is None:
         check_unnamed(_first_rows(mapped(header, source)), source)
-    layout = unnamed_layout(columns) if names is None else replace(find_layout(names), colour=())
+    layout = unnamed_layout(columns) if names is None else find_layout(names)
+    layout = layout if has_shade else replace(layout, colour=())
     rows, width = header.values // columns, header.dtype.itemsize
     if header.fortran_order:
         blocks = _raster_blocks(mapped(header, source), layout)
@@ -77,31 +82,33 @@ def _read_points(header: Header, source: Source) -> RawCloud:
         offsets = [column * width for column in range(columns)]
         formats = [header.dtype.str] * columns
         blocks = record_blocks(source, rows, formats, offsets, columns * width, layout)
-    return RawCloud(rows, layout.intensity is not None, blocks)
+    return RawCloud(rows, layout.has_intensity, blocks)
 
 
-def _read_fields(header: Header, source: Source) -> RawCloud:
-    """Read the fields x, y, z and intensity of records, in their order in the file."""
+def _read_fields(header: Header, source: Source, has_shade: bool) -> RawCloud:
+    """Read the fields x, y, z and the intensity, or else the colour, of records."""
     assert header.dtype.names is not None
     assert header.dtype.fields is not None
     try:
         layout = find_layout(header.dtype.names)
     except ValueError as error:
         raise fault(source, str(error), "name the fields x, y, z and intensity") from None
-    used = [*layout.xyz] + ([] if layout.intensity is None else [layout.intensity])
-    fields = [header.dtype.fields[header.dtype.names[index]] for index in used]
+    layout = layout if has_shade else replace(layout, colour=())
+    fields = [header.dtype.fields[header.dtype.names[index]] for index in layout.used]
     for form, *_ in fields:
         if form.kind not in _NUMBER_KINDS or form.shape:
-            fact = f"x, y, z or the intensity are of the type {shown(str(form))}"
+            fact = f"x, y, z, the intensity or the colour are of the type {shown(str(form))}"
             raise fault(source, fact, "save numbers")
     formats, offsets = [form.str for form, *_ in fields], [int(field[1]) for field in fields]
-    in_order = Layout((0, 1, 2), 3 if len(used) == 4 else None)
     size = header.dtype.itemsize
-    blocks = record_blocks(source, header.values, formats, offsets, size, in_order)
-    return RawCloud(header.values, layout.intensity is not None, blocks, unit=layout.unit)
+    if header.fortran_order:
+        blocks = _raster_blocks(mapped(header, source), layout)
+    else:
+        blocks = record_blocks(source, header.values, formats, offsets, size, layout.in_order)
+    return RawCloud(header.values, layout.has_intensity, blocks, unit=layout.unit)
 
 
-def _read_heights(header: Header, source: Source) -> RawCloud:
+def _read_heights(header: Header, source: Source, _has_shade: bool) -> RawCloud:
     assert source.options.pitch is not None
     heights, table = Heights(source.options.pitch), mapped(header, source)
     rows = max(1, CHUNK_BYTES // (8 * header.shape[1]))
@@ -128,13 +135,13 @@ def _first_rows(array: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
 
 
 def _raster_blocks(array: npt.NDArray[Any], layout: Layout) -> Iterator[Block]:
-    """Yield the blocks of an array whose columns are stored one after the other."""
+    """Yield the blocks of an array that is stored column after column, its points row by row."""
+    names = array.dtype.names
     step = max(1, CHUNK_BYTES // (array.itemsize * math.prod(array.shape[1:])))
     for start in range(0, len(array), step):
         part = array[start : start + step]
-        x, y, z = (part[..., column].ravel() for column in layout.xyz)
-        shade = layout.intensity
-        yield Block((x, y, z), None if shade is None else part[..., shade].ravel())
+        used = (part[names[k]] if names else part[..., k] for k in layout.used)
+        yield layout.in_order.block_of([column.ravel() for column in used])
 
 
 def check_size(source: Source, header: Header) -> None:

@@ -26,7 +26,7 @@ def read_npz(source: Source) -> RawCloud:
         intensity = members.pop(_INTENSITY, None)
         points = _choose(members, source)
         archive.unpack(folder, (points,) if intensity is None else (points, intensity))
-    cloud = read_npy(_opened(folder, points, source))
+    cloud = read_npy(_opened(folder, points, source), has_shade=intensity is None)
     if intensity is None:
         return cloud
     if cloud.has_intensity:

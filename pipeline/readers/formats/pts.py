@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from ...system import frozen
 from ..faults import fault, too_long, too_many, too_short
 from ..parsing.ascii import signs_as_nan, table_blocks
+from ..parsing.columns import unnamed_layout
 from ..parsing.lines import Lines, count_lines, pass_blank_lines, pass_lines
 from ..source import Block, Layout, RawCloud, RawPart, Source, shown
 from .text import read_text
@@ -43,7 +44,7 @@ def read_pts(source: Source) -> RawCloud:
     head = source.stream.read(_HEAD_BYTES).decode("latin-1")
     source.stream.seek(0)
     if source.options.columns or _OTHER_TEXT.search(signs_as_nan(head)):
-        return read_text(source, tuple(n for n, layout in _LAYOUTS.items() if layout.intensity))
+        return read_text(source, lambda columns: _LAYOUTS.get(columns) or unnamed_layout(columns))
     lines = count_lines(source)
     runs, first = _index(source, lines)
     columns = len(first.split())

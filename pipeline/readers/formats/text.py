@@ -10,7 +10,7 @@ missing return.
 from __future__ import annotations
 
 import codecs
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 from ...system import frozen
 from ..faults import fault, too_short
@@ -40,10 +40,10 @@ class _Form:
     is_unnamed: bool = False
 
 
-def read_text(source: Source, with_intensity: Sequence[int] = (4,)) -> RawCloud:
+def read_text(source: Source, unnamed: Callable[[int], Layout] = unnamed_layout) -> RawCloud:
     """Read three or more columns: x y z and perhaps an intensity, or as the names say.
 
-    with_intensity: numbers of columns without names of which the fourth is the intensity.
+    unnamed: called with the number of columns without names, returns what they are.
     """
     if source.stream.read(3) != codecs.BOM_UTF8:
         source.stream.seek(0)
@@ -51,7 +51,7 @@ def read_text(source: Source, with_intensity: Sequence[int] = (4,)) -> RawCloud:
         return read_gocator(source)
     lines = count_lines(source)
     heading = read_heading(source)
-    form = _form(heading, source, with_intensity)
+    form = _form(heading, source, unnamed)
     tables = _tables(form, heading, source)
     if isinstance(form.holds, Heights):
         blocks = height_blocks(form.holds, tables, source)
@@ -72,7 +72,7 @@ def _unit_above(heading: Heading, source: Source) -> str | None:
     return next(iter(units), None)
 
 
-def _form(heading: Heading, source: Source, with_intensity: Sequence[int]) -> _Form:
+def _form(heading: Heading, source: Source, unnamed: Callable[[int], Layout]) -> _Form:
     """Return what the rows are: as the options say, or the names above them; or unnamed columns."""
     options, columns = source.options, heading.widths[-1]
     if options.stated():
@@ -95,11 +95,11 @@ def _form(heading: Heading, source: Source, with_intensity: Sequence[int]) -> _F
         fact = f"{heading.where} {what}: {shown(heading.first[1])}"
         action = "give --pitch DX,DY if they are a matrix of heights, else name them by --columns"
         raise fault(source, fact, action)
-    return _unnamed(heading, columns, source, with_intensity)
+    return _unnamed(heading, columns, source, unnamed)
 
 
 def _unnamed(
-    heading: Heading, columns: int, source: Source, with_intensity: Sequence[int]
+    heading: Heading, columns: int, source: Source, unnamed: Callable[[int], Layout]
 ) -> _Form:
     """Return the form of x y z, perhaps with an intensity, or with a name of the point before."""
     if columns in (4, 5) and is_label(heading.cells[0]):
@@ -108,8 +108,7 @@ def _unnamed(
     if columns < 3:
         fact = f"{heading.where}, a point needs 3: {shown(heading.first[1])}"
         raise fault(source, fact, "export x y z")
-    layout = unnamed_layout(columns, with_intensity)
-    return _Form(columns, layout, Cells(footer=True), is_unnamed=True)
+    return _Form(columns, unnamed(columns), Cells(footer=True), is_unnamed=True)
 
 
 def _points(columns: int, layout: Layout) -> _Form:

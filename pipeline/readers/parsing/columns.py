@@ -119,9 +119,9 @@ def _one_unit(stated: Sequence[str | None]) -> str | None:
     return next(iter(units), None)
 
 
-def unnamed_layout(columns: int, with_intensity: Sequence[int] = (4,)) -> Layout:
+def unnamed_layout(columns: int) -> Layout:
     """Return x, y, z and perhaps the intensity of columns without names."""
-    return Layout((0, 1, 2), 3 if columns in with_intensity else None)
+    return Layout((0, 1, 2), 3 if columns == 4 else None)
 
 
 def check_unnamed(table: Array, source: Source, by: str = "--columns") -> None:
