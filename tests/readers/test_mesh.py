@@ -170,6 +170,16 @@ def test_so_are_those_of_other_libraries(points, joined):
     np.testing.assert_array_equal(scan.points_m, CORNERS)
 
 
+@pytest.mark.parametrize("before", ["  ", "\t"])
+def test_obj_whose_lines_are_indented_has_the_same_vertices(tmp_path, before):
+    lines = obj().decode().splitlines(keepends=True)
+    for every in (1, 2):
+        text = "".join(before * (at % every == 0) + line for at, line in enumerate(lines))
+        scan = read(tmp_path, "a.obj", text.encode())
+        assert scan.points_m.tolist() == CORNERS.tolist()
+        assert scan.is_mesh
+
+
 @pytest.mark.parametrize("extra", ["", " 1.0", " 0.5 0.5 0.5"])
 def test_obj_of_vertices_alone_at_1e7_m(tmp_path, extra):
     rows = CORNERS + 1e7

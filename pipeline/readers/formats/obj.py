@@ -10,6 +10,7 @@ from ..parsing.ascii import table_blocks
 from ..parsing.lines import Lines, check_lines
 from ..source import Block, Layout, RawCloud, Source, shown
 
+_BLANKS = " \t"
 _VERTEX, _FACE = ("v ", "v\t"), ("f ", "f\t")
 
 
@@ -17,7 +18,8 @@ def read_obj(source: Source) -> RawCloud:
     """Read every `v` line."""
     check_lines(source)
     count, first, joined = 0, "", False
-    for line in source.text:
+    for text in source.text:
+        line = text.lstrip(_BLANKS)
         if line.startswith(_VERTEX):
             count, first = count + 1, first or line
         elif not joined:
@@ -42,4 +44,5 @@ def _vertex_lines(columns: int, source: Source) -> Iterator[Block]:
 
 def _only_vertices(piece: str) -> str:
     """Return the numbers of `v` lines, other lines blank, so that lines keep their number."""
-    return "".join(line[1:] if line[:2] in _VERTEX else "\n" for line in io.StringIO(piece))
+    lines = (line.lstrip(_BLANKS) for line in io.StringIO(piece))
+    return "".join(line[1:] if line[:2] in _VERTEX else "\n" for line in lines)
