@@ -11,6 +11,7 @@ import numpy.typing as npt
 from ..readers import (
     AS_THE_FILE_SAYS,
     Block,
+    LookedAt,
     Markers,
     Placer,
     PointRows,
@@ -51,10 +52,10 @@ class ScanSummary:
 
     declared: rows by the header; may_mark: whether some may mark missing returns. at_origin: points
     at 0 0 0. raster: rows and columns. sample_m: (S, 3) one random point of each run of `stride`
-    rows. keys: hashes of the points whose hash is a multiple of `stride`, so that equal points are
-    either all among them or none. middle_m: (3,) of the first points. far: number of points further
-    from it than any scan reaches, farthest_m: the farthest; near_low_m, near_high_m: corners of the
-    box without them.
+    rows. looked_at_m: (L, 3) those by which missing returns are known. keys: hashes of the points
+    whose hash is a multiple of `stride`, so that equal points are either all among them or none.
+    middle_m: (3,) of the first points. far: number of points further from it than any scan reaches,
+    farthest_m: the farthest; near_low_m, near_high_m: corners of the box without them.
     """
 
     format: str
@@ -72,6 +73,7 @@ class ScanSummary:
     raster: tuple[int, int] | None = None
     scans: list[PointCounts] = field(default_factory=list)
     sample_m: Array = field(default_factory=lambda: np.empty((0, 3)))
+    looked_at_m: Array = field(default_factory=lambda: np.empty((0, 3)))
     keys: npt.NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
     middle_m: Array = field(default_factory=lambda: np.empty(0))
     far: int = 0
@@ -111,7 +113,7 @@ def summarise_scan(
     Raises InputError, one line, for what `read_scan` refuses; a file without points is summarised.
     """
     summary = _one_pass(path, length_unit, name, progress, options)
-    markers = find_markers(summary.sample_m) if summary.may_mark else None
+    markers = find_markers(summary.looked_at_m) if summary.may_mark else None
     if not markers:
         return summary
     return _one_pass(path, length_unit, name, progress, options, markers)
@@ -142,9 +144,11 @@ def _one_pass(
         )
         placer = Placer(cloud, source, length_unit, markers)
         samples, keys, whole = [], [], []
+        looked_at = LookedAt()
         with np.errstate(over="ignore", invalid="ignore"):
             for block in cloud.blocks:
                 rows = _place(placer, block, cloud, summary)
+                looked_at.add(rows.points)
                 picked = np.arange(0, len(rows.points), summary.stride)
                 picked += rng.integers(summary.stride, size=len(picked))
                 samples.append(rows.points[picked[picked < len(rows.points)]])
@@ -157,6 +161,7 @@ def _one_pass(
         few = summary.points <= SAMPLE
         summary.sample_m = np.concatenate(whole if few else samples)
         summary.keys = np.concatenate(keys)
+        summary.looked_at_m = looked_at.points_m()
     return summary
 
 

@@ -3,7 +3,7 @@
 from .arrays import scan_of_points
 from .blocks import PlacedBlock, read_blocks
 from .gather import Placer, PointRows, RowProgress, silent
-from .missing import Markers, find_markers
+from .missing import LookedAt, Markers, find_markers
 from .options import AS_THE_FILE_SAYS, ReadOptions
 from .packed import scan_suffix
 from .read_scan import MESH_SUFFIXES, RAW_FORMATS, READERS, open_cloud, read_scan, unknown_format
@@ -18,6 +18,7 @@ __all__ = [
     "RAW_FORMATS",
     "READERS",
     "Block",
+    "LookedAt",
     "Markers",
     "Part",
     "PlacedBlock",

@@ -10,11 +10,9 @@ import numpy as np
 from ..system import frozen
 from ..vectors import Array, Array32
 from .gather import Placer, PointRows
-from .missing import Markers, find_markers
+from .missing import LookedAt, Markers, find_markers
 from .options import AS_THE_FILE_SAYS, ReadOptions
 from .read_scan import open_cloud
-
-SAMPLE = 100_000  # points by which missing returns are known
 
 
 @frozen(eq=False)
@@ -63,11 +61,9 @@ def _placed(
 def _find_missing(
     path: Path, length_unit: str, name: str | None, options: ReadOptions
 ) -> Markers | None:
-    """Find what marks missing returns, by an even sample of the points."""
-    with open_cloud(path, length_unit, name, options) as (cloud, _):
-        stride = max(1, cloud.rows // SAMPLE)
-    samples, seen = [], 0
+    """Find what marks missing returns, by the points that `read_scan` looks at."""
+    looked_at = LookedAt()
     for block in _placed(path, length_unit, name, options, None):
-        samples.append(block.points_m[-seen % stride :: stride])
-        seen += len(block.points_m)
-    return find_markers(np.concatenate(samples)) if seen else None
+        looked_at.add(block.points_m)
+    some_m = looked_at.points_m()
+    return find_markers(some_m) if len(some_m) else None

@@ -12,7 +12,7 @@ from ..units import to_metres
 from ..vectors import Array, Array32, Mask
 from .faults import fault
 from .memory import check_memory
-from .missing import Markers, find_markers, is_huge
+from .missing import Markers, find_markers, is_huge, rows_looked_at
 from .scan import Part, Scan
 from .source import Block, RawCloud, RawPart, Source
 
@@ -171,7 +171,8 @@ def gather(
     if kept == 0:
         invalid = f"all its {placer.seen} points are invalid (no return)"
         raise fault(source, invalid if placer.seen else "it holds 0 points")
-    if cloud.may_mark and (markers := find_markers(all_rows.points[:kept])):
+    looked_at = all_rows.points[rows_looked_at(0, kept, kept)] if cloud.may_mark else None
+    if looked_at is not None and (markers := find_markers(looked_at)):
         missing = markers.mask(all_rows.points[:kept])
         ends = np.concatenate([[0], np.cumsum(held)]).astype(np.int64)
         held = [n - int(missing[a:b].sum()) for n, a, b in zip(held, ends, ends[1:], strict=False)]

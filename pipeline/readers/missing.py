@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..cloud import coordinate_steps
+from ..cloud import coordinate_hash, coordinate_steps
 from ..system import frozen
-from ..vectors import Array, Mask
+from ..vectors import Array, Mask, Rows
 
-ROWS = 8192  # points that are looked at
-GOLDEN = 0.6180339887498949  # their rows: multiples of it, modulo 1, meet no period of a raster
+ROWS = 1 << 15  # points that are looked at, at most
+GOLDEN = 0.6180339887498949  # which half of a run: multiples of it, modulo 1, have no period
 SAME_M = 1e-6  # a pose that is applied block by block moves a place by less
 LEAST = 10  # points at one place
 OUTSTANDING = 4  # times as many points as the next place, or the next value of an axis
 PLANE_SHARE = 0.01  # of the points, at least, that have one value of an axis
 FAR = 3.0  # times as far from all others as these reach
 FINE_M = 1e-6  # coarser steps of rounded coordinates may put a surface on one plane
-MOST_NEAR = 50_000  # points among which neighbours are sought
 SEEDS, NEIGHBOURS = 32, (8, 24)  # neighbourhoods by which the noise of the others is known
 ROUGH = 0.5  # rms across few neighbours over that across many: a smooth surface has a third
 HUGE = 1e10  # powers of ten from here on, and the largest numbers, are no coordinates
@@ -47,15 +46,53 @@ class Markers:
         return missing
 
 
-def find_markers(points_m: Array) -> Markers:
-    """Find the places and planes of points_m (N, 3) that mark missing returns."""
-    rows = (np.arange(min(len(points_m), ROWS)) * GOLDEN % 1.0 * len(points_m)).astype(np.int64)
-    some = points_m[rows if len(points_m) > ROWS else slice(None)]
-    markers = Markers(_places(some, points_m))
-    rest = some[~markers.mask(some)]
-    planes = tuple((axis, value) for axis in range(3) for value in _plane(rest, axis, points_m))
+class LookedAt:
+    """Collector of those of successive valid points by which marks are found.
+
+    They are `points_m[rows_looked_at(0, N, N)]` of all N points, however these came in blocks.
+    """
+
+    def __init__(self) -> None:
+        self._seen = 0
+        self._rows: list[Rows] = []
+        self._points: list[Array] = []
+
+    def add(self, points_m: Array) -> None:
+        """Look at the next points (N, 3)."""
+        start, self._seen = self._seen, self._seen + len(points_m)
+        rows = rows_looked_at(start, self._seen, self._seen)
+        self._rows.append(rows)
+        self._points.append(points_m[rows - start])
+
+    def points_m(self) -> Array:
+        """Return the points (S, 3)."""
+        chosen = np.isin(
+            np.concatenate([np.zeros(0, np.int64), *self._rows]),
+            rows_looked_at(0, self._seen, self._seen),
+        )
+        return np.asarray(np.concatenate([np.zeros((0, 3)), *self._points])[chosen])
+
+
+def rows_looked_at(start: int, stop: int, count: int) -> Rows:
+    """Return the rows of start:stop, of `count` in all, by which marks are found: ROWS at most.
+
+    One of each run of a power of two, of whose halves it lies in either: rows of more points are
+    among those of fewer, and meet no period of a raster.
+    """
+    halvings = max(0, -(-count // ROWS) - 1).bit_length()
+    rows = np.arange(start >> halvings, -(-stop >> halvings))
+    for halving in range(halvings, 0, -1):
+        rows = 2 * rows + ((rows + halving) * GOLDEN % 1.0 < 0.5)
+    return np.asarray(rows[(rows >= start) & (rows < stop)])
+
+
+def find_markers(some_m: Array) -> Markers:
+    """Find the places and planes of some_m (S, 3) that mark missing returns."""
+    markers = Markers(_places(some_m))
+    rest = some_m[~markers.mask(some_m)]
+    planes = tuple((axis, value) for axis in range(3) for value in _plane(rest, axis, some_m))
     found = Markers(markers.places_m, planes)
-    return found if not found.mask(some).all() else Markers(np.zeros((0, 3)))
+    return found if not found.mask(some_m).all() else Markers(np.zeros((0, 3)))
 
 
 def is_huge(values: Array) -> Mask:
@@ -68,14 +105,16 @@ def is_huge(values: Array) -> Mask:
     return np.asarray(((size >= HUGE) & power) | largest)
 
 
-def _places(some: Array, points_m: Array) -> Array:
+def _places(some: Array) -> Array:
     """Return the places (P, 3) where more of `some` (S, 3) lie than noise puts anywhere."""
-    place, count = np.unique(np.rint(some / SAME_M), axis=0, return_counts=True)
-    order = np.argsort(-count)
+    hashes = coordinate_hash(some)
+    _, first, count = np.unique(hashes, return_index=True, return_counts=True)
+    order = np.lexsort((first, -count))
     count = np.append(count[order], 1)
     chosen = np.flatnonzero(count[:-1] >= OUTSTANDING * count[1:])
-    places = place[order[: chosen[-1] + 1]] * SAME_M if len(chosen) else np.zeros((0, 3))
-    kept = [at for at in places if np.count_nonzero(Markers(at[None]).mask(points_m)) >= LEAST]
+    last = chosen[-1] + 1 if len(chosen) else 0
+    places = np.rint(some[first[order[:last]]] / SAME_M) * SAME_M
+    kept = [at for at in places if np.count_nonzero(Markers(at[None]).mask(some)) >= LEAST]
     return np.array(kept).reshape(-1, 3)
 
 
@@ -102,7 +141,6 @@ def _are_noisy(others: Array, points_m: Array) -> bool:
     Of a made scene without noise, an exact plane is a surface like all others. So it is where the
     points are too few to show their noise.
     """
-    points_m = points_m[:: 1 + len(points_m) // MOST_NEAR]
     if len(points_m) <= NEIGHBOURS[1]:
         return False
     found = []

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from tests.fuzzing.samples import samples
 from tests.readers.test_missing import MARKED, mixed
+from wheelplane.diagnostics import scan_summary
 from wheelplane.errors import InputError
-from wheelplane.readers import AS_THE_FILE_SAYS, ReadOptions, read_scan
+from wheelplane.readers import AS_THE_FILE_SAYS, ReadOptions, gather, missing, read_scan
 from wheelplane.readers import blocks as read_by_blocks
 from wheelplane.readers.blocks import read_blocks
 
@@ -66,13 +68,41 @@ def test_few_missing_returns_of_a_small_file_are_dropped(tmp_path):
     assert len(joined(path)[1]) == 500
 
 
-def test_the_sample_is_every_nth_point_wherever_blocks_end(tmp_path, monkeypatch):
-    rows = np.random.default_rng(7).normal(size=(100_000, 3))
-    np.save(tmp_path / "a.npy", rows)
-    samples = []
-    monkeypatch.setattr(read_by_blocks, "SAMPLE", 1000)
-    monkeypatch.setattr(read_by_blocks, "find_markers", samples.append)
-    blocks, points = joined(tmp_path / "a.npy")
+def test_all_ways_to_read_look_at_the_same_points(tmp_path, monkeypatch):
+    """So that they find the same marks, wherever blocks end and whatever no point is."""
+    points = np.random.default_rng(7).normal(size=(200_000, 3))
+    points[1::7] = np.nan
+    np.save(tmp_path / "a.npy", points)
+    looked_at = []
+    for module in (read_by_blocks, gather, scan_summary):
+        monkeypatch.setattr(module, "find_markers", looked_at.append)
+    blocks, every = joined(tmp_path / "a.npy")
     assert len(blocks) > 2
-    assert np.array_equal(points, rows)
-    assert np.array_equal(samples[0], rows[::100])
+    read_scan(tmp_path / "a.npy")
+    scan_summary.summarise_scan(tmp_path / "a.npy", "m")
+    assert len(looked_at) == 3
+    assert 10_000 < len(looked_at[0]) <= missing.ROWS
+    assert all(np.array_equal(one, looked_at[0]) for one in looked_at)
+    assert np.isin(looked_at[0][:, 0], every[:, 0]).all()
+
+
+@pytest.mark.parametrize("ends", [(0, 200_000), (0, 1, 2, 3, 70_000, 70_007, 200_000)])
+def test_one_of_each_run_is_looked_at_wherever_blocks_end(ends):
+    points, looked_at = np.random.default_rng(8).normal(size=(200_000, 3)), missing.LookedAt()
+    for start, stop in pairwise(ends):
+        looked_at.add(points[start:stop])
+    rows = missing.rows_looked_at(0, 200_000, 200_000)
+    assert np.array_equal(looked_at.points_m(), points[rows])
+    assert np.array_equal(rows // 8, np.arange(25_000))
+    counts = np.bincount(rows % 8)
+    assert len(counts) == 8
+    assert counts.min() > 0.5 * counts.max()
+
+
+@pytest.mark.parametrize("count", [1, 1000, 32_768, 32_769, 65_536, 65_537, 1_000_000])
+def test_a_large_scan_is_looked_at_as_a_small_one_is(count):
+    rows = missing.rows_looked_at(0, count, count)
+    assert min(count, missing.ROWS // 2) <= len(rows) <= missing.ROWS
+    assert rows.min() >= 0
+    assert rows.max() < count
+    assert len(np.unique(rows)) == len(rows)

@@ -12,6 +12,7 @@ from wheelplane.diagnostics.scan_summary import summarise_scan
 from wheelplane.errors import InputError
 from wheelplane.plane.find_planes import find_planes
 from wheelplane.readers import read_scan
+from wheelplane.readers.blocks import read_blocks
 from wheelplane.readers.missing import Markers, find_markers, is_huge
 
 SCAN = make(WHEEL.but(spacing_m=0.004), 1).points_m
@@ -58,6 +59,20 @@ def test_all_of_them_and_nothing_else(tmp_path, name, step):
     assert (survey.points, survey.invalid_points) == (len(SCAN), len(MARKED[name]))
     assert survey.low_m.tolist() == scan.points_m.min(axis=0).tolist()
     assert survey.high_m.tolist() == scan.points_m.max(axis=0).tolist()
+
+
+@pytest.mark.parametrize("count", [20, 45, 60, 80, 120, 240, 300])
+def test_measure_and_inspect_count_alike_however_few_of_many_are_missing(tmp_path, count):
+    """Of 200,000 points; from some 0.1 per cent on, all are found."""
+    points = np.random.default_rng(3).normal(size=(200_000, 3))
+    points[np.random.default_rng(count).choice(len(points), count, replace=False)] = 0.0
+    np.save(tmp_path / "a.npy", points)
+    found = read_scan(tmp_path / "a.npy").invalid_points
+    assert summarise_scan(tmp_path / "a.npy", "m").invalid_points == found
+    assert sum(len(block.points_m) for block in read_blocks(tmp_path / "a.npy")) == (
+        len(points) - found
+    )
+    assert found == count if count >= 0.0012 * len(points) else found in (0, count)
 
 
 def walls(seed, count=8000):
