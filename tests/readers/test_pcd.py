@@ -1,6 +1,8 @@
 """What is particular to PCD: fields, older headers, pages of PCL, and LZF."""
 
+import re
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
 from wheelplane.readers.formats import pcd as pcd_format
 from wheelplane.readers.parsing.lzf import decompress
+
+MANUAL = Path(pcd_format.__file__).parents[2] / "manual"
 
 
 def read(folder, data):
@@ -40,6 +44,17 @@ def head(encoding, width=2, height=1, points=2, **changes):
         "DATA": encoding,
     } | changes
     return "".join(f"{k} {v}\n" for k, v in entries.items() if v is not None).encode()
+
+
+def test_the_viewpoint_moves_no_point_and_the_manual_names_no_position_of_a_pcd(tmp_path):
+    """Programs write it as the sensor's pose or by default, moved points or not."""
+    rows = b"1 2 3\n4 5 6\n"
+    scan = read(tmp_path, head("ascii", VIEWPOINT="7 8 9 0.5 0.5 0.5 0.5") + rows)
+    assert scan.points_m.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    assert scan.parts == ()
+    manual = " ".join(" ".join(p.read_text("utf-8").split()) for p in sorted(MANUAL.glob("*.md")))
+    named = re.findall(r"file states (?:its|the scanner's) position \(([^)]*)\)", manual)
+    assert named == ["E57, PTX"] * 2
 
 
 def lzf(data):
