@@ -168,6 +168,13 @@ def test_a_unit_in_a_line_above_the_rows_must_be_the_given_one(tmp_path, line):
     assert read(tmp_path, f"{line}\nX [m];Y [m];Z [m];I\n{rows(';')}").invalid_points == 0
 
 
+def test_a_unit_above_heights_must_be_the_given_one_where_their_pitch_is_an_option(tmp_path):
+    text = f"Unit,mm\n{rows(',')}"
+    refuse(tmp_path, text, "states lengths in mm, but they would be taken", pitch=(0.1, 0.1))
+    scan = read(tmp_path, text, unit="mm", pitch=(0.1, 0.1))
+    assert scan.points_m[:3, 2].tolist() == (POINTS[0] / 1e3).tolist()
+
+
 def test_lines_that_state_no_unit_or_several(tmp_path):
     for line in ("# Units: default", "# unit: in the frame of the bay", "# Intensity unit: mm"):
         assert len(read(tmp_path, f"{line}\n{rows()}").points_m) == 6

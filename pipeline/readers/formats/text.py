@@ -53,12 +53,11 @@ def read_text(source: Source, unnamed: Callable[[int], Layout] = unnamed_layout)
     heading = read_heading(source)
     form = _form(heading, source, unnamed)
     tables = _tables(form, heading, source)
+    unit = form.holds.unit or _unit_above(heading, source)
     if isinstance(form.holds, Heights):
         blocks = height_blocks(form.holds, tables, source)
-        rows = lines * form.columns
-        return RawCloud(rows, False, blocks, has_grid=True, unit=form.holds.unit)
+        return RawCloud(lines * form.columns, False, blocks, has_grid=True, unit=unit)
     blocks = map(form.holds.block, tables)
-    unit = form.holds.unit or _unit_above(heading, source)
     return RawCloud(lines, form.holds.has_intensity, blocks, unit=unit)
 
 
