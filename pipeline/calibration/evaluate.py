@@ -22,7 +22,7 @@ from ..measurement import (
 )
 from ..uncertainty import Effect, effective_dof
 from .forms.item import UPRIGHT, DecisionRule, Item
-from .forms.quantities import QUANTITIES
+from .forms.quantities import QUANTITIES, as_shown
 from .forms.readings import Reading
 from .forms.table_file import Faults
 from .gauge_rr import GaugeRR, gauge_rr
@@ -58,13 +58,8 @@ UNLIKE_VERTICALS = (
 UNLIKE: Final = "unlike"
 ENOUGH, COARSER = 5, 1.5  # unlike readings that show a step, and times the declared one
 BY_CHANCE = 1e-4
-IN_UNIT = {
-    "deg": math.radians(1.0),
-    "min": math.radians(1.0 / 60.0),
-    "dms": math.radians(1.0 / 3600.0),
-    "m": 1.0,
-    "mm": 1e-3,
-}
+PARTS_OF = {"dms": (3600.0, 60.0, 1.0)}  # seconds in what a unit is written in
+FIGURES, SMALL = 7, 1e-9
 BELOW = "MPE/U is {value}, below the ratio of {ratio} agreed on"
 SCATTERED = (
     "{kind}, {state}: the readings at {point} scatter by {own}, those of the other points by "
@@ -100,7 +95,7 @@ def evaluate_quantity(
     values = _reference_values(points, levels, references, item, kind)
     of_levels = np.array([[one.value for one in level] for level in values]).T
     resolution = item.resolution(kind)
-    shown = _step_of(readings, resolution)
+    shown = _step_of(readings, resolution, item.rim_m)
     coarser = shown if shown > COARSER * resolution else None
     resolution = resolution if coarser is None else coarser
     scatter = scatter_of(cells, of_levels, resolution, factors_of(levels))
@@ -170,19 +165,22 @@ def evaluate_quantity(
     )
 
 
-def _step_of(readings: Sequence[Reading], resolution: float) -> float:
+def _step_of(readings: Sequence[Reading], resolution: float, rim_m: float | None) -> float:
     """Return the step of which all readings are multiples, if chance does not explain it; else 0.
 
-    1, 2 or 5 of a decimal place of their unit; radians or metres. A reading in steps of the
-    resolution is one of a step that is n times longer once in n; the same value again says nothing.
+    1, 2 or 5 of a decimal place of their unit, of degrees, minutes or seconds where it is written
+    in these; radians or metres. A reading in steps of the resolution is one of a step that is n
+    times longer once in n; the same value again says nothing.
     """
     units = {one.unit for one in readings}
-    if len(units) > 1 or (unit := units.pop()) not in IN_UNIT:
+    if len(units) > 1:
         return 0.0
-    scale = IN_UNIT[unit]
-    values = np.unique(np.round(np.array([one.value for one in readings]) / scale, 7))
-    for place, first in itertools.product(range(2, -7, -1), (5.0, 2.0, 1.0)):
-        step = first * 10.0**place
+    unit, quantity = units.pop(), QUANTITIES[readings[0].quantity]
+    shown = [as_shown(one.value, unit, quantity, rim_m) for one in readings]
+    values = np.unique(np.round(np.array(shown), FIGURES))
+    scale = SMALL / as_shown(SMALL, unit, quantity, rim_m)
+    sizes = itertools.product(PARTS_OF.get(unit, (1.0,)), range(2, -7, -1), (5.0, 2.0, 1.0))
+    for step in sorted((part * first * 10.0**place for part, place, first in sizes), reverse=True):
         steps = values / step
         if not np.abs(steps - np.rint(steps)).max() < 1e-6 + 1e-9 * np.abs(steps).max():
             continue

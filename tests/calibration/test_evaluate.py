@@ -238,6 +238,39 @@ def test_steps_of_the_readings_count_where_the_item_file_states_finer_ones(unit,
     assert plain.coarser is None
 
 
+RIM_M = 16 * 0.0254
+WRITTEN = {  # angle to the number of a unit, and back
+    "mm": (lambda a: 1e3 * RIM_M * math.sin(a), lambda x: math.asin(x / 1e3 / RIM_M)),
+    "mm/m": (lambda a: 1e3 * math.tan(a), lambda x: math.atan(x / 1e3)),
+    "dms": (lambda a: math.degrees(a) * 3600.0, lambda x: math.radians(x / 3600.0)),
+    "deg": (math.degrees, math.radians),
+}
+
+
+@pytest.mark.parametrize(
+    ("unit", "step", "declared"),
+    [("mm", 0.2, "0.01 mm"), ("mm/m", 0.5, "0.01 mm/m"), ("dms", 60.0, '1"'), ("dms", 300.0, '1"'),
+     ("dms", 36.0, '1"'), ("deg", 0.05, "0.001°")],
+)  # fmt: skip
+def test_steps_are_found_in_whatever_unit_the_machine_indicates(unit, step, declared):
+    """Whole minutes are 60 seconds, and steps at a rim are equal in mm, not as angles."""
+    bay = Bay(seed=12)
+    tested = machine(toe=changed(TOE, resolution=0.001, repeatability=0.02, hysteresis=0.0))
+    item, sound = item_of(tested), bay.readings(tested)
+    toe = item.item.toe.model_copy(update={"resolution": declared})
+    named = item.item.model_copy(update={"rim": "16in", "toe": toe})
+    item = item.model_copy(update={"item": named})
+    write, read = WRITTEN[unit]
+    rows = tuple(
+        replace(one, value=read(round(write(one.value) / step) * step), unit=unit)
+        for one in sound.rows
+    )
+    (result,) = calibrate([bay.reference()], item, replace(sound, rows=rows)).results
+    assert result.coarser == pytest.approx(read(step), rel=1e-5)
+    shares = [line.u for line in result.points[0].budget if line.name == "resolution"]
+    assert shares[0] == pytest.approx(read(step) / math.sqrt(12.0), rel=0.25)
+
+
 def test_the_same_value_again_and_again_shows_no_step():
     """A steady machine at one point reads 0.10 ten times, and 0.10 is no multiple of 0.1 alone."""
     bay, tested = Bay(seed=12), machine(toe=None, thrust_angle=changed(TOE, positive="right"))

@@ -69,6 +69,7 @@ QUANTITIES = {
 }
 ANGLE_UNITS = ("deg", "dms", "min", "mm/m", "mm")
 LENGTH_UNITS = ("mm", "m")
+PER_DEGREE = {"deg": 1.0, "min": 60.0, "dms": 3600.0}
 
 
 def units_of(quantity: MachineQuantity) -> tuple[str, ...]:
@@ -85,3 +86,19 @@ def indicated(value: Value, quantity: MachineQuantity, rim_m: float | None) -> f
             raise ValueError("an angle, but a length is needed, such as 12 mm")
         return value.number
     return angle_rad(value, rim_m, quantity.wheels_at_rim)
+
+
+def as_shown(value: float, unit: str, quantity: MachineQuantity, rim_m: float | None) -> float:
+    """Return radians or metres as the number that a machine indicates in a unit; dms in seconds.
+
+    Inverse of `indicated`. rim_m: known where the unit is mm of toe.
+    """
+    if quantity.unit == "m":
+        return 1e3 * value if unit == "mm" else value
+    if unit == "mm/m":
+        return 1e3 * math.tan(value)
+    if unit == "mm":
+        assert rim_m is not None  # checked with the readings
+        across_m = quantity.wheels_at_rim * rim_m
+        return 1e3 * across_m * math.sin(value / quantity.wheels_at_rim)
+    return math.degrees(value) * PER_DEGREE[unit]
