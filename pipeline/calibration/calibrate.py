@@ -84,7 +84,7 @@ def _calibration(
         readings=readings,
         results=results,
         adjustments=adjustments(results),
-        warnings=convention_warnings(results, references, item_file.item),
+        warnings=convention_warnings(results, references, item_file.item, readings.rows),
         notes=tuple(dict.fromkeys(note for r in references for note in r.measurement.notes)),
         version=__version__,
     )

@@ -13,8 +13,9 @@ from ..vectors import Array
 from ..vehicle import AXES
 from .forms.item import Item, ItemQuantity
 from .forms.quantities import QUANTITIES
+from .forms.readings import Reading
 from .records import QuantityResult
-from .reference import Reference
+from .reference import Reference, reference_of
 
 FITS_OTHER = (
     "{kind}, {state}: the readings fit {convention} far better (root mean square error {found} "
@@ -26,28 +27,29 @@ FAR_BETTER = 3.0  # ratio of root mean squares, and least size of that of the de
 
 
 def convention_warnings(
-    results: Sequence[QuantityResult], references: Sequence[Reference], item: Item
+    results: Sequence[QuantityResult],
+    references: Sequence[Reference],
+    item: Item,
+    rows: Sequence[Reading],
 ) -> tuple[str, ...]:
     """Return a sentence for every quantity whose readings fit another convention far better.
 
-    Errors are compared about their mean, and as they are, so that a zero error hides nothing; the
-    one must be far smaller and the other not larger.
+    rows: the readings, which say whose references a result has. Errors are compared about their
+    mean, and as they are, so that a zero error hides nothing; the one must be far smaller and the
+    other not larger.
     """
     found = []
     for result in results:
-        kind, reference = result.quantity, references[0]
-        readings = np.array([point.reading for point in result.points])
-        typical = float(np.median([point.error.u for point in result.points]))
-        declared = np.array([point.error.value for point in result.points])
+        kind, read = result.quantity, _by_reference(result, references, rows)
+        declared = _errors(read, result, item)
+        assert declared is not None  # the results are of them
+        one_of_all = len(read) == 1
+        of_points = [p.error.u if one_of_all else p.reference.u for p in result.points]
+        typical = float(np.median(of_points))
         best: tuple[float, Wording] | None = None
         for words, other in _others(kind, item.declared()[kind]):
-            tried = item.model_copy(update={kind: other})
-            values = [reference.value(kind, point.point, tried) for point in result.points]
-            known = [one.value for one in values if isinstance(one, Estimate)]
-            if len(known) < len(values):
-                continue
-            errors = readings - np.array(known)
-            if _fits_far_better(errors, declared, typical):
+            errors = _errors(read, result, item.model_copy(update={kind: other}))
+            if errors is not None and _fits_far_better(errors, declared, typical):
                 size = _rms(errors)
                 best = (size, words) if best is None else min(best, (size, words))
         if best is not None:
@@ -61,6 +63,49 @@ def convention_warnings(
             )
             found.append(text)
     return tuple(dict.fromkeys(found))
+
+
+def _by_reference(
+    result: QuantityResult, references: Sequence[Reference], rows: Sequence[Reading]
+) -> list[tuple[Reference, Array]]:
+    """Return each reference of a result with the mean readings (P,) of the series that it is of.
+
+    Of several references, each series is compared with its own: by a wrong convention, errors
+    against unlike ones scatter from series to series, and so does their u, by which a wrong one
+    would seem as good as the right one.
+    """
+    own = [o for o in rows if (o.quantity, o.state) == (result.quantity, result.state)]
+    used = {one.series: reference_of(references, one.series) for one in own}
+    known = {series: one for series, one in used.items() if one is not None}
+    if len({id(one.measurement) for one in known.values()}) == 1:
+        shown = np.array([point.reading for point in result.points])
+        return [(next(iter(known.values())), shown)]
+    cells: dict[tuple[str, str], dict[tuple[str, str], list[float]]] = {}
+    for one in own:
+        cell = cells.setdefault((one.series, one.point), {})
+        cell.setdefault((one.operator, one.direction), []).append(one.value)
+
+    def mean(series: str, point: str) -> float:  # each operator and direction counted alike
+        return float(np.mean([np.mean(each) for each in cells[series, point].values()]))
+
+    return [
+        (reference, np.array([mean(series, point.point) for point in result.points]))
+        for series, reference in known.items()
+    ]
+
+
+def _errors(
+    read: Sequence[tuple[Reference, Array]], result: QuantityResult, item: Item
+) -> Array | None:
+    """Return the errors (P, R) by an item's convention; None where it has no reference value."""
+    found = []
+    for reference, shown in read:
+        values = [reference.value(result.quantity, p.point, item) for p in result.points]
+        known = [one.value for one in values if isinstance(one, Estimate)]
+        if len(known) < len(values):
+            return None
+        found.append(shown - np.array(known))
+    return np.column_stack(found)
 
 
 def _others(kind: str, stated: ItemQuantity) -> Iterator[tuple[Wording, ItemQuantity]]:
@@ -79,7 +124,7 @@ def _with(stated: ItemQuantity, **changed: str) -> ItemQuantity:
 
 def _fits_far_better(other: Array, declared: Array, u: float) -> bool:
     about_mean = len(other) > 2 and (
-        _far(_rms(other - other.mean()), _rms(declared - declared.mean()), u)
+        _far(_rms(other - other.mean(axis=0)), _rms(declared - declared.mean(axis=0)), u)
         and _rms(other) <= _rms(declared)
     )
     return about_mean or _far(_rms(other), _rms(declared), u)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from tests.support.calibration_bay import CAMBER, TOE, Bay, changed, item_of, machine
@@ -11,9 +13,10 @@ from wheelplane.calibration.conventions import convention_warnings
 
 def warnings(bay, **tables):
     tested = machine(**tables)
-    reference, item = bay.reference(), item_of(tested)
-    found = calibrate([reference], item, bay.readings(tested))
-    assert convention_warnings(found.results, [reference], item.item) == found.warnings
+    reference, item, readings = bay.reference(), item_of(tested), bay.readings(tested)
+    found = calibrate([reference], item, readings)
+    known = convention_warnings(found.results, [reference], item.item, readings.rows)
+    assert known == found.warnings
     return found.warnings
 
 
@@ -45,3 +48,20 @@ def test_another_axis_is_named_where_the_axes_differ():
         assert all("another axis" in text for text in found)
         assert apart < 5.0 or 'axis = "thrust-line"' in found[0]
     assert named > 5
+
+
+@pytest.mark.parametrize("state", ["as found", "as left"])
+def test_readings_are_compared_with_the_references_of_their_own_series(state):
+    """Each series has positions of its own; a sign that is wrong in both is named of both."""
+    tested = machine(toe=changed(TOE, declared_positive="toe-out"))
+    bays = [Bay(seed=1), Bay(seed=2)]
+    first, second = (bay.readings(tested) for bay in bays)
+    later = [replace(one, series="2", state=state) for one in second.rows]
+    references = [bay.reference(str(k)) for k, bay in enumerate(bays, 1)]
+    both = replace(first, rows=(*first.rows, *later))
+    found = calibrate(references, item_of(tested), both).warnings
+    states = dict.fromkeys(["as found", state])
+    assert [text.split(":")[0] for text in found] == [f"toe, {one}" for one in states]
+    assert all('the opposite sign, positive = "toe-in",' in text for text in found)
+    right = item_of(machine())
+    assert calibrate(references, right, both).warnings == ()
