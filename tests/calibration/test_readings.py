@@ -153,6 +153,13 @@ def test_all_faults_of_a_file_are_named_at_once_with_row_and_column(tmp_path):
     assert list(found) == expected
 
 
+@pytest.mark.parametrize("value", ["3 mm", "5mm/m", "0.2in"])
+def test_a_value_whose_unit_is_not_that_of_its_column_is_refused(tmp_path, value):
+    """Three mm at the rim are no three minutes: one of cell and column is wrong."""
+    (fault,) = faults(tmp_path, HEAD + f"RR,toe,{value},dms,1,1,as found,\n")
+    assert fault.startswith(f"r.csv: row 2, column value: {value!r}: write degrees, minutes and")
+
+
 @pytest.mark.parametrize(
     ("head", "fault"),
     [

@@ -271,9 +271,12 @@ def _parsed(cell: Cell, unit: str) -> Value:
 
 def _sexagesimal(text: str) -> Value:
     try:
-        return read_value(_COMMA_WITHIN.sub(".", text))
+        found = read_value(_COMMA_WITHIN.sub(".", text))
     except ValueError as error:
         raise ValueError(Wording(NO_ANGLE, value=repr(text))) from error
+    if found.scale != "deg":
+        raise ValueError(Wording(NO_ANGLE, value=repr(text)))
+    return found
 
 
 def decimal_number(text: str) -> float:
