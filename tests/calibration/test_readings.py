@@ -153,6 +153,21 @@ def test_all_faults_of_a_file_are_named_at_once_with_row_and_column(tmp_path):
     assert list(found) == expected
 
 
+def test_rows_without_operator_are_no_operator_of_their_own(tmp_path):
+    """Filled in at the first repeat alone, one operator would be two, and their difference in u."""
+    head = HEAD.replace("direction", "operator")
+    rows = [f"RR,toe,{k},min,1,{k},as found,{'Ana' if k == 1 else ''}" for k in (1, 2, 3)]
+    found = faults(tmp_path, head + "\n".join(rows))
+    assert found == tuple(
+        f"r.csv: row {row}, column operator: it is empty, but other rows of toe in series 1 state "
+        "it: fill it in"
+        for row in (3, 4)
+    )
+    apart = ["RR,toe,1,min,1,1,as found,", "RR,toe,1,min,2,1,as found,Ana",
+             "RR,toe,1,min,1,1,as left,Rui"]  # fmt: skip
+    assert len(read(tmp_path, head + "\n".join(apart)).rows) == 3
+
+
 @pytest.mark.parametrize("value", ["3 mm", "5mm/m", "0.2in"])
 def test_a_value_whose_unit_is_not_that_of_its_column_is_refused(tmp_path, value):
     """Three mm at the rim are no three minutes: one of cell and column is wrong."""

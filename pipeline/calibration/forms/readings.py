@@ -84,7 +84,7 @@ def sound_readings(path: Path, item: Item, why_not: WhyNot, faults: Faults) -> R
     earlier = _repeated(table)
     found = [_reading(row, item, why_not, earlier.get(row.number), faults) for row in table]
     kept = [reading for reading in found if reading is not None]
-    kept = _with_directions(kept, faults)
+    kept = _with_operators(_with_directions(kept, faults), faults)
     if not table:
         faults.add(None, None, Wording("it has no reading below its heading: enter them"))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -319,3 +319,24 @@ def _with_directions(readings: list[Reading], faults: Faults) -> list[Reading]:
             )
             faults.add(one.row, "direction", fact)
     return [one for one in readings if one.direction or (one.state, one.quantity) not in stated]
+
+
+def _with_operators(readings: list[Reading], faults: Faults) -> list[Reading]:
+    """Return readings less those without an operator, of series that have one elsewhere.
+
+    Rows without one would be those of one more operator.
+    """
+
+    def where(one: Reading) -> tuple[str, str, str]:
+        return one.state, one.quantity, one.series
+
+    stated = {where(one) for one in readings if one.operator}
+    for one in readings:
+        if not one.operator and where(one) in stated:
+            fact = Wording(
+                "it is empty, but other rows of {kind} in series {series} state it: fill it in",
+                kind=one.quantity,
+                series=one.series,
+            )
+            faults.add(one.row, "operator", fact)
+    return [one for one in readings if one.operator or where(one) not in stated]
