@@ -125,6 +125,8 @@ def evaluate_quantity(
             i,
             name,
             readings,
+            ways,
+            cells[i],
             known[i],
             estimates[i],
             budget,
@@ -388,6 +390,8 @@ def _point(
     index: int,
     name: str,
     readings: Sequence[Reading],
+    ways: Sequence[str],
+    cells: Sequence[Sequence[Sequence[float]]],
     reference: Estimate,
     error: Estimate,
     budget: Budget,
@@ -399,8 +403,6 @@ def _point(
 ) -> CalibrationPoint:
     own = [one for one in readings if one.point == name]
     kind, unit = own[0].quantity, QUANTITIES[own[0].quantity].unit
-    ways = sorted({one.direction for one in own}, reverse=True)
-    means = [[one.value for one in own if one.direction == way] for way in ways]
     dof = int(scatter.dofs[index])
     mpe, stated = item.value(kind, "mpe"), item.value(kind, "uncertainty")
     return CalibrationPoint(
@@ -411,8 +413,10 @@ def _point(
         reference=reference,
         reading=reference.value + error.value,
         directions=tuple(
-            DirectionMean(way, float(np.mean(each)), len(each))
-            for way, each in zip(ways, means, strict=True)
+            DirectionMean(
+                way, float(np.mean([np.mean(cell) for cell in each])), sum(map(len, each))
+            )
+            for way, each in zip(ways, zip(*cells, strict=True), strict=True)
         ),
         n=len(own),
         repeatability=math.sqrt(scatter.squares[index] / dof) if dof else math.nan,

@@ -33,7 +33,10 @@ class Contribution:
 
 @frozen
 class DirectionMean:
-    """Mean reading of one direction of approach, "" where none is stated, and its number."""
+    """Mean reading of one direction of approach, "" where none is stated, and their number.
+
+    Each series and operator counts alike, as in the mean over all.
+    """
 
     direction: str
     mean: float

@@ -99,6 +99,25 @@ def test_the_budget_adds_up_and_the_order_of_readings_does_not_matter():
         assert point.error.dof == pytest.approx(by_point[point.point].error.dof)
 
 
+@pytest.mark.parametrize("directions", [False, True])
+def test_means_of_the_directions_are_those_of_error_and_hysteresis(directions):
+    """Also where series were read unlike numbers of times, which makes them count no more."""
+    bay = Bay(seed=2)
+    toe = changed(TOE, reproducibility=2.0)
+    tested = machine(toe=toe, protocol=Protocol(series=2, repeats=4, directions=directions))
+    readings = bay.readings(tested)
+    few = ("1", "up" if directions else "")
+    rows = [o for o in readings.rows if o.repeat <= 2 or (o.series, o.direction) != few]
+    (result,) = calibrate([bay.reference()], item_of(tested), replace(readings, rows=rows)).results
+    for point in result.points:
+        means = [one.mean for one in point.directions]
+        assert sum(one.n for one in point.directions) == point.n
+        assert np.mean(means) == pytest.approx(point.reading, abs=1e-12)
+    if directions:
+        apart = [p.directions[0].mean - p.directions[1].mean for p in result.points]
+        assert np.mean(apart) == pytest.approx(result.hysteresis.value, abs=1e-12)
+
+
 def test_en_compares_the_error_with_both_expanded_uncertainties():
     bay, tested = Bay(seed=3), machine()
     item = item_of(tested)
