@@ -204,10 +204,10 @@ class Calibration:
 
     @property
     def decision_as_found(self) -> Decision | None:
-        """Worst verdict before the adjustment on what was adjusted; None where nothing was."""
-        left = {result.quantity for result in self.results if result.state == "as left"}
-        found = [one for one in self.results if one.state == "as found" and one.quantity in left]
-        return worst([point for result in found for point in result.points])
+        """Worst verdict as found, of all quantities; None where none was read as left."""
+        found = [one for one in self.results if one.state == "as found"]
+        adjusted = len(found) < len(self.results)
+        return worst([point for one in found for point in one.points]) if adjusted else None
 
     @property
     def decision(self) -> Decision | None:

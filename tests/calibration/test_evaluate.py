@@ -473,6 +473,23 @@ def test_a_point_that_was_not_read_again_keeps_its_verdict_as_found(failed, agai
     )
 
 
+@pytest.mark.parametrize(("zero", "decision"), [(0.0, "conform"), (60.0, "not conform")])
+def test_the_verdict_as_found_is_of_all_that_was_read_as_found(zero, decision):
+    """A camber that was not adjusted after the toe does not conform in either state."""
+    bay, tested = Bay(seed=5, trials=2), machine(camber=changed(CAMBER, zero=zero))
+    rows = bay.readings(tested).rows
+    left = [replace(one, state="as left") for one in rows if one.quantity == "toe"]
+    both = Readings("r", "", (*rows, *left))
+    done = calibrate([bay.reference(noisy=False)], item_of(tested), both)
+    toes, toes_left, cambers = done.results
+    assert (toes.decision, toes_left.decision) == ("conform", "conform")
+    assert cambers.decision == done.decision_as_found == done.decision == decision
+    assert calibration_tree(done)["decision_as_found"] == decision
+    before = calibrate([bay.reference(noisy=False)], item_of(tested), Readings("r", "", rows))
+    assert before.decision_as_found is None
+    assert before.decision == decision
+
+
 def test_an_axle_that_was_read_as_found_alone_is_named():
     bay, tested = Bay(seed=5), machine(toe=None, total_toe=changed(TOE, axis=None, zero=0.0))
     rows = bay.readings(tested).rows

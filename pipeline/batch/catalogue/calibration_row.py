@@ -25,8 +25,8 @@ class CalibrationRow:
     decision: conform, undecided, not conform; None without a maximum permissible error. points:
     number in the state in which each quantity was left. worst: largest |error|/MPE of these, and of
     those that were not read again as left, at the quantity and point `worst_at`. error: why there
-    are no results. as_found: decision on what was adjusted since, before that; None where nothing
-    was.
+    are no results. as_found: decision before the adjustment; None where nothing was read as
+    left.
     """
 
     serial: str = ""
