@@ -13,7 +13,7 @@ import pytest
 
 from tests.support.calibration_bay import TOE, Bay, changed, item_of, machine
 from tests.support.certificates import DAY, SENSOR, calibrated, certificate, given
-from wheelplane.calibration import DecisionRule, calibrate
+from wheelplane.calibration import DecisionRule, calibrate, issue
 from wheelplane.calibration.certificate.issue import REQUIRED
 from wheelplane.measurement import Estimate
 from wheelplane.report.certificate import certificate_files
@@ -47,6 +47,26 @@ def read(text):
     """Words of a page as they are read."""
     kept = re.sub(r"<(style|script).*?</\1>", " ", text, flags=re.DOTALL)
     return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", kept)).split())
+
+
+def test_the_files_of_every_reference_are_named_with_their_digests():
+    """Scans of two captures bear the same names."""
+    tested, bays = machine(), [Bay(seed=k, trials=0) for k in (1, 2)]
+    references, rows = [], []
+    for k, bay in enumerate(bays, 1):
+        known = bay.reference(str(k))
+        origin = replace(
+            known.measurement.provenance,
+            source=f"bay-{k}",
+            inputs={name: f"sha256:{k}{name}" for name in ("rr.ply", "rl.ply")},
+        )
+        references.append(replace(known, measurement=replace(known.measurement, provenance=origin)))
+        rows += [replace(one, series=str(k)) for one in bay.readings(tested).rows]
+    readings = replace(bays[0].readings(tested), rows=tuple(rows))
+    seen = read(page(issue(calibrate(references, item_of(tested), readings), given())))
+    for k in (1, 2):
+        for name in ("rr.ply", "rl.ply"):
+            assert f"bay-{k}: {name} {k}{name}" in seen
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -160,14 +160,19 @@ def _study(result: QuantityResult, writer: Writer) -> list[Table]:
 
 def _origin(found: Calibration, record: str, words: Translations) -> Section:
     """Return the digests of the files that the certificate comes from."""
-    inputs = {
-        name: digest for one in found.references for name, digest in one.provenance.inputs.items()
-    }
-    inputs[found.readings.source] = found.readings.sha256
-    inputs["calibration.json"] = hashlib.sha256(
-        record.encode(errors="backslashreplace")
-    ).hexdigest()
-    rows = [[name, digest.removeprefix("sha256:")] for name, digest in inputs.items()]
+    several = len({one.provenance.source for one in found.references}) > 1
+    measured = dict.fromkeys(
+        (f"{one.provenance.source}: {name}" if several else name, digest)
+        for one in found.references
+        for name, digest in one.provenance.inputs.items()
+    )
+    own = hashlib.sha256(record.encode(errors="backslashreplace")).hexdigest()
+    inputs = [
+        *measured,
+        (found.readings.source, found.readings.sha256),
+        ("calibration.json", own),
+    ]
+    rows = [[name, digest.removeprefix("sha256:")] for name, digest in inputs]
     files = Table((words("origin.file"), words("origin.digest")), rows, 2, words("origin.inputs"))
     dates = [
         words("calibration.from", source=one.provenance.source,
