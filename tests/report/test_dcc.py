@@ -14,7 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.calibration_bay import Bay, item_of, machine
 from tests.support.certificates import DAY, ENVIRONMENT, calibrated, certificate, given
+from wheelplane.calibration import calibrate, issue
 from wheelplane.errors import InputError
 from wheelplane.report.dcc.certificate import dcc_bytes
 from wheelplane.report.dcc.conformity import conformity_of, overall
@@ -206,6 +208,20 @@ def test_states_before_and_after_adjustment_are_named():
     states = [one.text for one in every(tree(certificate(adjusted=True)), "dcc:status")]
     assert states == ["beforeAdjustment", "afterAdjustment"] * 2
     assert every(tree(), "dcc:status") == []
+
+
+@pytest.mark.parametrize(
+    ("found", "states"),
+    [(("RR", "RL"), ["beforeAdjustment", "afterAdjustment"]), ((), ["afterAdjustment"])],
+)
+def test_states_are_named_where_no_point_was_read_in_both(found, states):
+    bay, tested = Bay(seed=1, trials=2), machine()
+    readings = bay.readings(tested)
+    rows = tuple(
+        one if one.point in found else replace(one, state="as left") for one in readings.rows
+    )
+    done = calibrate((bay.reference(),), item_of(tested), replace(readings, rows=rows))
+    assert [one.text for one in every(tree(issue(done, given())), "dcc:status")] == states
 
 
 def test_a_draft_has_no_digital_form():

@@ -33,13 +33,14 @@ CONDITION_FACTOR = "2"  # coverage factor of 95 % in certificates of sensors (EA
 
 def measurement_results(made: Certificate) -> Element:
     """Return the second ring of the certificate."""
-    adjusted = {one.quantity for one in made.calibration.adjustments}
+    results = made.calibration.results
+    adjusted = {one.quantity for one in results if one.state == "as left"}
     return element(
         "dcc:measurementResults",
         _methods(made),
         element("dcc:measuringEquipments", *(_equipment(one) for one in made.standards)),
         _conditions(made),
-        *(_result(one, one.quantity in adjusted) for one in made.calibration.results),
+        *(_result(one, one.quantity in adjusted) for one in results),
     )
 
 
