@@ -98,6 +98,22 @@ def test_a_standard_past_its_due_date_is_an_error_unless_accepted_by_name():
     assert certificate(given("standard", due=DAY)).overdue == ()  # good to the end of the day
 
 
+def test_a_standard_calibrated_after_its_use_is_an_error():
+    """Its certificate says nothing of the day of the calibration that rests on it."""
+    later = given("standard", calibrated=DAY + datetime.timedelta(1))
+    text = "scanner: it was calibrated on 2026-11-04, after the day of its use, 2026-11-03: name"
+    with pytest.raises(InputError, match=text):
+        certificate(later)
+    with pytest.raises(InputError, match=text):
+        certificate(later, accepted=("scanner",))
+    assert not certificate(given("standard", calibrated=DAY)).draft
+    draft = given("standard", calibrated=DAY + datetime.timedelta(9), due=DAY).model_copy(
+        update={"certificate": GIVEN.certificate.model_copy(update={"performed": None})}
+    )
+    with pytest.raises(InputError, match="after its due date, 2026-11-03: name the certificate"):
+        certificate(draft)
+
+
 def test_the_last_day_counts_for_the_due_date():
     last = given("certificate", performed_until=datetime.date(2026, 11, 4))
     with pytest.raises(InputError, match=r"TH-1: its calibration was due on 2026-11-03"):

@@ -79,7 +79,7 @@ def issue(found: Calibration, given: CertificateFile, accepted: Sequence[str] = 
     """Return the certificate of a calibration.
 
     accepted: names of standards that may be past their due date. Raises ConfigError for standards
-    that are named twice or not at all, InputError for one past its due date.
+    that are named twice or not at all, InputError for one past its due date, or calibrated later.
     """
     _check_names(given.standard, given.environment, accepted)
     made = Certificate(
@@ -89,6 +89,7 @@ def issue(found: Calibration, given: CertificateFile, accepted: Sequence[str] = 
         standards=given.standard,
         environment=given.environment,
     )
+    _check_calibrated(made)
     return replace(made, missing=_missing(made), overdue=_overdue(made, accepted))
 
 
@@ -114,6 +115,21 @@ def _check_names(
             raise ConfigError(
                 f"[environment] {key}: {ends[0]:g} lies above {ends[1]:g}: write the lowest first"
             )
+
+
+def _check_calibrated(made: Certificate) -> None:
+    """Raise InputError for a standard whose own calibration is later than its use, or its due date.
+
+    Its certificate says nothing of the day on which it was used.
+    """
+    first = _last_day(made) if made.performed is None else made.performed[0]
+    for one in made.standards:
+        for day, what in ((first, "the day of its use"), (one.due, "its due date")):
+            if one.calibrated is not None and day is not None and one.calibrated > day:
+                raise InputError(
+                    f"[[standard]] {one.name}: it was calibrated on {one.calibrated}, after "
+                    f"{what}, {day}: name the certificate that was valid then, or correct the dates"
+                )
 
 
 def _overdue(made: Certificate, accepted: Sequence[str]) -> tuple[StandardConfig, ...]:
