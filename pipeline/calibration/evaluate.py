@@ -138,11 +138,14 @@ def evaluate_quantity(
         )
         for i, name in enumerate(points)
     )
+    sound = [i for i, one in enumerate(found) if not one.doubts] or list(range(len(found)))
     study, why_not = _gauge_rr(readings, cells, values, points, levels)
     labels = tuple(_label(level, levels) for level in levels)
     hysteresis = None
     if len(ways) == 2:
-        differences, of_difference = scatter.hysteresis(resolution)
+        chosen = scatter.alike & np.isin(np.arange(len(points)), sound)
+        shown_by = replace(scatter, alike=chosen) if chosen.any() else scatter
+        differences, of_difference = shown_by.hysteresis(resolution)
         mean = np.full(len(differences), 1.0 / len(differences))
         hysteresis = estimate(float(differences.mean()), mean, of_difference)
     return QuantityResult(
@@ -152,7 +155,12 @@ def evaluate_quantity(
         declared=item.declared()[kind],
         points=found,
         levels=labels,
-        characteristic=characteristic(points, known, of_means, budget),
+        characteristic=characteristic(
+            [points[i] for i in sound],
+            [known[i] for i in sound],
+            of_means[sound],
+            [(origin, replace(effect, factor=effect.factor[sound])) for origin, effect in budget],
+        ),
         repeatability=scatter.deviation,
         dof_repeatability=int(scatter.dof),
         reproducibility=_between(scatter),
@@ -164,6 +172,7 @@ def evaluate_quantity(
             p for p in points if any(one and one.in_place(kind, p, item) for one in used)
         ),
         coarser=coarser,
+        left_out=tuple(name for i, name in enumerate(points) if i not in sound),
     )
 
 

@@ -10,8 +10,12 @@ import pytest
 from tests.support.calibration_bay import CAMBER, TOE, Bay, changed, item_of, machine, minutes
 from wheelplane.calibration import CertificateFile, Readings, issue
 from wheelplane.calibration.calibrate import calibrate
+from wheelplane.calibration.reference import Reference
 from wheelplane.calibration.slips import EXCHANGED, OTHER_SIGN_AT, copying_doubts
+from wheelplane.errors import Doubt
 from wheelplane.measurement import Estimate
+from wheelplane.report.json.calibration import calibration_tree
+from wheelplane.report.text.calibration import calibration_text
 from wheelplane_synth.parameters.machine import Protocol
 
 MINUTE = np.radians(1.0 / 60.0)
@@ -59,6 +63,47 @@ def test_a_point_whose_readings_lost_their_sign_is_in_doubt_alone(seed):
     assert "not conform" not in verdicts.values()
     assert found.decision == "undecided"
     assert issue(found, CertificateFile()).doubted
+
+
+@pytest.mark.parametrize("slip", ["sign", "scatter"])
+@pytest.mark.parametrize("seed", range(2))
+def test_a_point_in_doubt_moves_neither_line_nor_hysteresis(seed, slip):
+    """They are those of the same readings without that point, and name it."""
+    reference, item, sound = bay_of(seed)
+    toe = {n: minutes(reference.value("toe", n, item.item).value) for n in reference.wheels}
+    point = max(toe, key=lambda name: abs(toe[name]))
+
+    def spoilt(one):
+        if (one.point, one.quantity) != (point, "toe"):
+            return one
+        off = 40.0 * MINUTE if one.repeat == 1 and one.direction == "up" else 0.0
+        return replace(one, value=-one.value if slip == "sign" else one.value + off)
+
+    done = calibrate([reference], item, copied(sound, spoilt))
+    found, rows = done.results[0], tuple(one for one in sound.rows if one.point != point)
+    (known, _) = calibrate([reference], item, Readings("r", "", rows)).results
+    assert found.left_out == (point,)
+    for name in ("zero", "sensitivity"):
+        one, other = (getattr(each.characteristic, name) for each in (found, known))
+        assert one.value == pytest.approx(other.value, abs=0.02 * other.u)
+        assert one.expanded == pytest.approx(other.expanded, rel=0.1)
+    assert found.hysteresis.value == pytest.approx(known.hysteresis.value, abs=1e-12)
+    assert found.hysteresis.expanded == pytest.approx(known.hysteresis.expanded, rel=0.1)
+    assert found.characteristic.worst_point != point
+    assert done.results[1].left_out == ()
+    assert calibration_tree(done)["quantities"][0]["left_out"] == [point]
+    text = calibration_text(done)
+    assert f"left out of zero error, sensitivity, linearity and hysteresis: {point}\n" in text
+
+
+def test_the_line_is_of_all_points_where_all_are_in_doubt():
+    reference, item, sound = bay_of(0)
+    of_all = replace(reference.measurement, notes=(Doubt("The vehicle is upside down."),))
+    found = calibrate([Reference(of_all)], item, sound).results[0]
+    plain = calibrate([reference], item, sound).results[0]
+    assert found.left_out == ()
+    assert found.characteristic == plain.characteristic
+    assert found.hysteresis == plain.hysteresis
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -188,6 +188,9 @@ def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
     lines += _rectangles(result, writer)
     if result.coarser is not None:
         lines.append(words("calibration.coarser", step=writer.size(result.coarser, unit)))
+    if result.left_out:
+        points = ", ".join(point_name(one, result.quantity, words) for one in result.left_out)
+        lines.append(words("calibration.left_out", points=points))
     if result.unread:
         points = ", ".join(point_name(one, result.quantity, words) for one in result.unread)
         lines.append(words("calibration.unread", points=points))
