@@ -139,7 +139,9 @@ def evaluate_quantity(
         for i, name in enumerate(points)
     )
     sound = [i for i, one in enumerate(found) if not one.doubts] or list(range(len(found)))
-    study, why_not = _gauge_rr(readings, cells, values, points, levels)
+    study, why_not = _gauge_rr(
+        [cells[i] for i in sound], [[level[i] for i in sound] for level in values], levels
+    )
     labels = tuple(_label(level, levels) for level in levels)
     hysteresis = None
     if len(ways) == 2:
@@ -496,17 +498,15 @@ def _between(scatter: Scatter) -> float | None:
 
 
 def _gauge_rr(
-    readings: Sequence[Reading],
     cells: Cells,
     values: list[list[Estimate]],
-    points: list[str],
     levels: list[Level],
 ) -> tuple[GaugeRR | None, str]:
     """Analyse by operators where there are several, else by series; or why that is impossible."""
     operators = list(dict.fromkeys(operator for _, operator in levels))
     series = list(dict.fromkeys(name for name, _ in levels))
     column, appraisers = (1, operators) if len(operators) > 1 else (0, series)
-    if len(points) < 2 or len(appraisers) < 2:
+    if len(cells) < 2 or len(appraisers) < 2:
         return None, "it takes two points and two operators or series, or more"
     mean = np.mean([[one.value for one in level] for level in values], axis=0)
     ways = len(cells[0][0])
@@ -523,7 +523,7 @@ def _gauge_rr(
             ]
             for appraiser in appraisers
         ]
-        for i in range(len(points))
+        for i in range(len(cells))
     ]
     numbers = {len(cell) for row in table for each in row for cell in each}
     if len(numbers) > 1 or min(numbers) < 2:
@@ -531,7 +531,7 @@ def _gauge_rr(
         return None, f"it takes as many readings of every point by each, two or more{each}"
     by_way = np.array(table)  # (point, appraiser, way, reading)
     by_way -= by_way.mean(axis=(1, 3), keepdims=True) - by_way.mean(axis=(1, 2, 3), keepdims=True)
-    shape = len(points), len(appraisers), -1
+    shape = len(cells), len(appraisers), -1
     return gauge_rr(by_way.reshape(shape), tuple(appraisers), ways), ""
 
 

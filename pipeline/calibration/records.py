@@ -102,10 +102,9 @@ class QuantityResult:
     apply. vertical: from which camber, caster or SAI is measured. in_place: trials of rear wheels
     that count from the thrust line, which is that with the trial in its wheel's place. unread:
     wheels and trials of the references without a reading in this state, and points that were read
-    as found but not as left. coarser: step of all readings, which
-    counts as their resolution where it is coarser than the declared one. left_out: points in doubt,
-    by which characteristic and hysteresis are not moved; none where all are in doubt. notes:
-    sentences.
+    as found but not as left. coarser: step of all readings, which counts as their resolution where
+    it is coarser than the declared one. left_out: points in doubt, by which characteristic,
+    hysteresis and gauge_rr are not moved; none where all are in doubt. notes: sentences.
     """
 
     quantity: str

@@ -93,7 +93,27 @@ def test_a_point_in_doubt_moves_neither_line_nor_hysteresis(seed, slip):
     assert done.results[1].left_out == ()
     assert calibration_tree(done)["quantities"][0]["left_out"] == [point]
     text = calibration_text(done)
-    assert f"left out of zero error, sensitivity, linearity and hysteresis: {point}\n" in text
+    assert (
+        f"left out of zero error, sensitivity, linearity, hysteresis and gauge R&R: {point}\n"
+        in text
+    )
+
+
+def test_a_point_in_doubt_is_no_part_of_the_gauge_study():
+    """Its equipment variation is no more than the repeatability, which leaves it out."""
+    bay, protocol = Bay(seed=0), Protocol(operators=("Ana", "Rui"))
+    tested = machine(protocol=protocol)
+    reference, sound = bay.reference(), bay.readings(tested)
+    wrong = copied(
+        sound,
+        lambda one: replace(one, value=one.value + 30.0 * MINUTE * (one.row == sound.rows[0].row)),
+    )
+    found = calibrate([reference], item_of(tested), wrong).results[0]
+    left = [one for one in sound.rows if one.point != sound.rows[0].point]
+    known = calibrate([reference], item_of(tested), Readings("r", "", tuple(left))).results[0]
+    assert found.left_out == (sound.rows[0].point,)
+    assert found.gauge_rr == known.gauge_rr
+    assert found.gauge_rr.ev == pytest.approx(found.repeatability, rel=0.2)
 
 
 def test_the_line_is_of_all_points_where_all_are_in_doubt():
