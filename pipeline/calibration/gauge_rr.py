@@ -14,6 +14,7 @@ from ..uncertainty import f_beyond
 from ..vectors import Array
 
 ALPHA = 0.05  # below which the interaction is kept apart from the equipment
+ROUNDING = 1e-15  # of readings and their means, in parts of the largest
 DISTINCT = 1.41  # sqrt(2): half width of a 97 % interval of GRR, in parts' deviations
 
 
@@ -59,32 +60,36 @@ class GaugeRR:
         return math.hypot(self.grr, self.pv)
 
     @property
-    def distinct_categories(self) -> int:
-        """Number of distinct categories (ndc), at least 1."""
-        ratio = DISTINCT * self.pv / self.grr if self.grr > 0.0 else math.inf
-        return max(1, math.floor(ratio)) if math.isfinite(ratio) else 1
+    def distinct_categories(self) -> int | None:
+        """Number of distinct categories (ndc), at least 1.
+
+        None, no limit, where parts differ and readings of a part do not.
+        """
+        if self.grr > 0.0:
+            return max(1, math.floor(DISTINCT * self.pv / self.grr))
+        return None if self.pv > 0.0 else 1
 
 
 def gauge_rr(readings: Array, appraisers: tuple[str, ...], directions: int = 1) -> GaugeRR:
     """Analyse readings (P parts, K appraisers, R trials), each of them 2 or more.
 
     directions: of approach, whose means at a part are the same: their differences, the hysteresis,
-    are taken from the readings, and their degrees of freedom from the equipment.
+    are taken from the readings, and their degrees of freedom from the equipment. Squares by the
+    rounding of the numbers alone are none.
     """
     parts, count, trials = readings.shape
     mean, cells = readings.mean(), readings.mean(axis=2)
     of_parts, of_appraisers = cells.mean(axis=1), cells.mean(axis=0)
     inner = cells - of_parts[:, None] - of_appraisers + mean
-    rows = [
-        _row("appraiser", count - 1, parts * trials * np.sum((of_appraisers - mean) ** 2)),
-        _row("part", parts - 1, count * trials * np.sum((of_parts - mean) ** 2)),
-        _row("appraiser by part", (parts - 1) * (count - 1), trials * np.sum(inner**2)),
-        _row(
-            "equipment",
-            parts * count * (trials - 1) - parts * (directions - 1),
-            np.sum((readings - cells[..., None]) ** 2),
-        ),
+    of_equipment = parts * count * (trials - 1) - parts * (directions - 1)
+    squares = [
+        ("appraiser", count - 1, parts * trials * np.sum((of_appraisers - mean) ** 2)),
+        ("part", parts - 1, count * trials * np.sum((of_parts - mean) ** 2)),
+        ("appraiser by part", (parts - 1) * (count - 1), trials * np.sum(inner**2)),
+        ("equipment", of_equipment, np.sum((readings - cells[..., None]) ** 2)),
     ]
+    least = readings.size * (ROUNDING * float(np.abs(readings).max())) ** 2
+    rows = [_row(name, dof, size if size > least else 0.0) for name, dof, size in squares]
     dof_total = sum(row.dof for row in rows)
     total = AnovaRow("total", dof_total, sum(r.sum_of_squares for r in rows), math.nan)
     error = rows[3]

@@ -88,6 +88,18 @@ def test_the_table_does_not_depend_on_order_or_offset_and_scales():
     )
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_readings_that_differ_from_part_to_part_alone_have_no_limit_of_categories(seed):
+    """Means of equal numbers differ by rounding, which is neither equipment nor appraiser."""
+    rng = np.random.default_rng(seed)
+    of_parts = np.radians(rng.integers(-60, 60, 12) / 60.0)
+    found = gauge_rr(np.tile(of_parts[:, None, None], (1, 2, 3)), ("A", "B"))
+    assert (found.ev, found.av, found.interaction, found.grr) == (0.0, 0.0, 0.0, 0.0)
+    assert found.pv == pytest.approx(np.std(of_parts, ddof=1))
+    assert found.distinct_categories is None
+    assert [row.f for row in found.rows] == [None] * 5
+
+
 def test_readings_without_any_scatter_have_no_test_and_no_components():
     found = gauge_rr(np.zeros((3, 2, 2)), ("A", "B"))
     assert (found.ev, found.av, found.pv, found.distinct_categories) == (0.0, 0.0, 0.0, 1)

@@ -155,7 +155,11 @@ def _cause(name: str, words: Translations) -> str:
 
 
 def _dof(dof: float, writer: Writer) -> str:
-    return writer.words.number(f"{dof:.0f}") if dof < 1e4 else "inf" if writer.plain else "∞"
+    return writer.words.number(f"{dof:.0f}") if dof < 1e4 else _unlimited(writer)
+
+
+def _unlimited(writer: Writer) -> str:
+    return "inf" if writer.plain else "∞"
 
 
 def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
@@ -265,7 +269,9 @@ def gauge_rr_table(study: GaugeRR, result: QuantityResult, writer: Writer) -> Ta
     ]
     head = (words("calibration.variation"), "s", words("calibration.of_total"),
             words("calibration.contribution"))  # fmt: skip
-    return writer.table(head, rows, 1, words("calibration.grr", ndc=study.distinct_categories))
+    number = study.distinct_categories
+    ndc = _unlimited(writer) if number is None else number
+    return writer.table(head, rows, 1, words("calibration.grr", ndc=ndc))
 
 
 def adjustments_table(found: Calibration, writer: Writer) -> Table:
