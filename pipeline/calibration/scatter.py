@@ -19,6 +19,7 @@ REPEATABILITY, REPRODUCIBILITY, RESOLUTION = "repeatability", "reproducibility",
 HARMONICS, BISECTIONS = 1000, 60
 LEVEL, NEGLIGIBLE = 0.95, 1e-6
 UNLIKE = 1e-3  # probability below which the scatter of a point is not that of the others
+ROUNDING = 1e-14  # of means of equal numbers, in parts of these: a step that all readings have
 OF_MEDIAN = 0.4  # part of the degrees of freedom that a median of variances has
 WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
 Factors = tuple[tuple[int, ...], ...]
@@ -423,7 +424,8 @@ def scatter_of(
     means = shown - np.asarray(references)[..., None]
     dofs = (counts - 1.0).sum(axis=(1, 2))
     found = Scatter(means, counts, np.array(squares), dofs, np.ones(len(dofs), bool), factors)
-    return replace(found, alike=_alike(found, resolution))
+    finest = ROUNDING * float(np.abs(shown).max())
+    return replace(found, alike=_alike(found, max(resolution, finest)))
 
 
 def deviations_by_level(means: Array) -> Array:

@@ -431,3 +431,15 @@ def test_the_planned_deviation_is_that_of_rounded_readings_of_all_series(between
     found = deviation_with(math.sqrt(one), 1.0, between)
     assert found == pytest.approx(math.sqrt(all_of), rel=0.01)
     assert deviation_with(3.0, 0.0, 4.0) == 5.0
+
+
+@pytest.mark.parametrize("levels", [1, 2, 3])
+def test_equal_readings_do_not_scatter_by_the_rounding_of_their_means(levels):
+    """Without a resolution, nothing else hides that the mean of three equal numbers is another."""
+    rng = np.random.default_rng(levels)
+    for _ in range(100):
+        values = np.radians(rng.integers(-60, 60, 6) / 60.0)
+        cells = [[[[value] * 3] for _ in range(levels)] for value in values]
+        assert scatter_of(cells).alike.all()
+        cells[2][0][0][1] += math.radians(0.1 / 60.0)
+        assert not scatter_of(cells).alike[2]
