@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.calibration_bay import Bay, item_of, machine
+from tests.support.calibration_bay import TOE, Bay, changed, item_of, machine
 from tests.support.certificates import DAY, ENVIRONMENT, calibrated, certificate, given
 from wheelplane.calibration import calibrate, issue
 from wheelplane.errors import InputError
@@ -22,6 +22,9 @@ from wheelplane.report.dcc.certificate import dcc_bytes
 from wheelplane.report.dcc.conformity import conformity_of, overall
 from wheelplane.report.dcc.xml import element, schema_faults, to_bytes
 from wheelplane.report.format.language import LANGUAGES, load_translations
+from wheelplane.report.format.view import PAPER
+from wheelplane.report.format.writer import Writer
+from wheelplane.report.tables.calibration import declared, remarks, shown_lines
 
 etree = pytest.importorskip("lxml.etree")
 NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
@@ -202,6 +205,31 @@ def test_verdicts_are_words_of_the_schema(mpe):
         assert word in simple[point.verdict.decision]
     assert text(tree(made), "dcc:statement/dcc:conformity") == overall(made.calibration)
     assert (overall(made.calibration) == "pass") == (made.calibration.decision == "conform")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_coarser_step_and_points_without_reading_stand_in_it_as_on_paper(language):
+    """The declared resolution alone would contradict the uncertainty beside it."""
+    bay = Bay(seed=1, trials=8)
+    tested = machine(toe=changed(TOE, repeatability=0.0))
+    readings = bay.readings(tested)
+    minute = math.radians(1.0 / 60.0)
+    rows = tuple(
+        replace(one, value=round(one.value / minute) * minute)
+        for one in readings.rows
+        if one.point != "FL"
+    )
+    done = calibrate((bay.reference(),), item_of(tested), replace(readings, rows=rows))
+    (result,) = done.results
+    writer = Writer(load_translations(language), PAPER)
+    shown = remarks(result, writer)
+    assert len(shown) == 2
+    assert set(shown) <= set(shown_lines(result, writer))
+    root = tree(issue(done, given()))
+    said = {
+        one.get("lang"): one.text for one in every(root, "dcc:result/dcc:description/dcc:content")
+    }
+    assert said[language] == " ".join(f"{text}." for text in (declared(result, writer), *shown))
 
 
 def test_states_before_and_after_adjustment_are_named():

@@ -12,7 +12,7 @@ from ...vehicle import Unit
 from ..format.digits import place_of, rounded
 from ..format.view import PAPER
 from ..format.writer import Writer
-from ..tables.calibration import declared, rule_words, title
+from ..tables.calibration import declared, remarks, rule_words, title
 from .conformity import conformity_of
 from .texts import both, own, term
 from .xml import Element, element
@@ -154,9 +154,14 @@ def _points(result: QuantityResult) -> Element:
     return element(
         "dcc:result",
         term("dcc:name", "calibration.points"),
-        both("dcc:description", lambda words: f"{declared(result, Writer(words, PAPER))}."),
+        both("dcc:description", lambda words: _circumstances(result, Writer(words, PAPER))),
         element("dcc:data", data),
     )
+
+
+def _circumstances(result: QuantityResult, writer: Writer) -> str:
+    """Return in words what the item declares, and what of it and of the points differs."""
+    return " ".join(f"{text}." for text in (declared(result, writer), *remarks(result, writer)))
 
 
 def _quantity(

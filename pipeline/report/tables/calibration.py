@@ -190,20 +190,26 @@ def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
     if result.hysteresis is not None:
         lines.append(_stated("hysteresis", result.hysteresis, result, writer))
     lines += _rectangles(result, writer)
-    if result.coarser is not None:
-        lines.append(words("calibration.coarser", step=writer.size(result.coarser, unit)))
-    if result.left_out:
-        points = ", ".join(point_name(one, result.quantity, words) for one in result.left_out)
-        lines.append(words("calibration.left_out", points=points))
-    if result.unread:
-        points = ", ".join(point_name(one, result.quantity, words) for one in result.unread)
-        lines.append(words("calibration.unread", points=points))
+    lines += remarks(result, writer)
     size, dof = writer.size(result.repeatability, unit), result.dof_repeatability
     lines.append(words("calibration.repeatability", value=size, dof=dof))
     if result.reproducibility is not None:
         size = writer.size(result.reproducibility, unit)
         levels = "; ".join(result.levels)
         lines.append(words("calibration.reproducibility", value=size, levels=levels))
+    return lines
+
+
+def remarks(result: QuantityResult, writer: Writer) -> list[str]:
+    """Return in words a coarser step than declared, points left out, and points without reading."""
+    words = writer.words
+    lines = []
+    if result.coarser is not None:
+        lines.append(words("calibration.coarser", step=writer.size(result.coarser, result.unit)))
+    for key, names in (("left_out", result.left_out), ("unread", result.unread)):
+        if names:
+            points = ", ".join(point_name(one, result.quantity, words) for one in names)
+            lines.append(words(f"calibration.{key}", points=points))
     return lines
 
 
