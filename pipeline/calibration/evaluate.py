@@ -483,7 +483,8 @@ def _verdict(
     alone = rule.model_copy(update={"rule": "simple"}) if rule.rule == "shared" else rule
     found = decide(what, interval, alone)
     if rule.rule == "shared" and not doubts and error.expanded > mpe / rule.ratio:
-        reason = Wording(BELOW, value=f"{mpe / error.expanded:.2g}", ratio=f"{rule.ratio:g}")
+        below = math.floor(100.0 * mpe / error.expanded) / 100.0  # rounded, it might be the ratio
+        reason = Wording(BELOW, value=f"{below:g}", ratio=f"{rule.ratio:g}")
         return replace(found, decision="undecided", risk=None, reason=reason)
     return found
 

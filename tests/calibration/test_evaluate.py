@@ -400,6 +400,22 @@ def test_operators_are_appraisers_where_there_are_several():
     assert run(Bay(seed=7), machine()).results[0].no_gauge_rr
 
 
+@pytest.mark.parametrize("short", [0.999, 0.99, 0.9, 0.4])
+def test_a_ratio_below_the_agreed_one_is_written_below_it(short):
+    bay, tested = Bay(seed=3), machine()
+    readings, reference = bay.readings(tested), bay.reference()
+    shared = DecisionRule(rule="shared", ratio=1.0)
+    item = item_of(tested).model_copy(update={"decision": shared})
+    point = calibrate([reference], item, readings).results[0].points[0]
+    ratio = point.mpe / point.error.expanded / short
+    item = item.model_copy(update={"decision": DecisionRule(rule="shared", ratio=ratio)})
+    verdict = calibrate([reference], item, readings).results[0].points[0].verdict
+    assert verdict.decision == "undecided"
+    parts = verdict.reason.parts
+    assert float(parts["value"]) < float(parts["ratio"])
+    assert float(parts["value"]) == pytest.approx(short * ratio, abs=0.01)
+
+
 def test_as_left_less_as_found_leaves_the_reference_out():
     bay, tested = Bay(seed=8), machine()
     better = machine(toe=changed(TOE, zero=0.0, gain=0.0))
