@@ -12,7 +12,7 @@ from ..cloud import coordinate_hash, coordinate_steps
 from ..system import frozen
 from ..vectors import Array, Mask, Rows
 
-ROWS = 1 << 15  # points that are looked at, at most
+ROWS = 1 << 14  # points that are looked at, at most
 GOLDEN = 0.6180339887498949  # which half of a run: multiples of it, modulo 1, have no period
 SAME_M = 1e-6  # a pose that is applied block by block moves a place by less
 LEAST = 10  # points at one place
@@ -89,7 +89,7 @@ def rows_looked_at(start: int, stop: int, count: int) -> Rows:
 def find_markers(some_m: Array) -> Markers:
     """Find the places and planes of some_m (S, 3) that mark missing returns."""
     markers = Markers(_places(some_m))
-    rest = some_m[~markers.mask(some_m)]
+    rest = some_m[~markers.mask(some_m)] if markers else some_m
     planes = tuple((axis, value) for axis in range(3) for value in _plane(rest, axis, some_m))
     found = Markers(markers.places_m, planes)
     return found if not found.mask(some_m).all() else Markers(np.zeros((0, 3)))
@@ -108,12 +108,15 @@ def is_huge(values: Array) -> Mask:
 def _places(some: Array) -> Array:
     """Return the places (P, 3) where more of `some` (S, 3) lie than noise puts anywhere."""
     hashes = coordinate_hash(some)
-    _, first, count = np.unique(hashes, return_index=True, return_counts=True)
-    order = np.lexsort((first, -count))
+    ordered = np.sort(hashes)
+    shared = np.unique(ordered[1:][ordered[1:] == ordered[:-1]])
+    count = np.searchsorted(ordered, shared, "right") - np.searchsorted(ordered, shared)
+    order = np.argsort(-count, kind="stable")
     count = np.append(count[order], 1)
     chosen = np.flatnonzero(count[:-1] >= OUTSTANDING * count[1:])
     last = chosen[-1] + 1 if len(chosen) else 0
-    places = np.rint(some[first[order[:last]]] / SAME_M) * SAME_M
+    first = [int(np.argmax(hashes == place)) for place in shared[order[:last]]]
+    places = np.rint(some[first] / SAME_M) * SAME_M
     kept = [at for at in places if np.count_nonzero(Markers(at[None]).mask(some)) >= LEAST]
     return np.array(kept).reshape(-1, 3)
 

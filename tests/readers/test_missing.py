@@ -61,9 +61,9 @@ def test_all_of_them_and_nothing_else(tmp_path, name, step):
     assert survey.high_m.tolist() == scan.points_m.max(axis=0).tolist()
 
 
-@pytest.mark.parametrize("count", [20, 45, 60, 80, 120, 240, 300])
+@pytest.mark.parametrize("count", [20, 60, 120, 240, 300, 480, 600])
 def test_measure_and_inspect_count_alike_however_few_of_many_are_missing(tmp_path, count):
-    """Of 200,000 points; from some 0.1 per cent on, all are found."""
+    """Of 200,000 points; from some 0.2 per cent on, all are found."""
     points = np.random.default_rng(3).normal(size=(200_000, 3))
     points[np.random.default_rng(count).choice(len(points), count, replace=False)] = 0.0
     np.save(tmp_path / "a.npy", points)
@@ -72,7 +72,7 @@ def test_measure_and_inspect_count_alike_however_few_of_many_are_missing(tmp_pat
     assert sum(len(block.points_m) for block in read_blocks(tmp_path / "a.npy")) == (
         len(points) - found
     )
-    assert found == count if count >= 0.0012 * len(points) else found in (0, count)
+    assert found == count if count >= 0.0024 * len(points) else found in (0, count)
 
 
 def walls(seed, count=8000):
