@@ -45,6 +45,7 @@ MOST_SCORED = 12  # candidate positions of one scan that are scored
 # noise, a surface has beside what is none.
 FEW, MANY_TIMES, SMOOTHER = 1200, 5, 5.0
 DOUBTED = 0.5  # of the match of such a one: what a surface needs to be its rival
+BEHIND = 0.95  # of the best match: what a surface within a radius before or behind needs
 SPARSE = 1500  # points on a target, below which all points of the scan are used, not a sample
 SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing rivals it
 SEARCHED, LEAST_CHOSEN = 3.0, 0.1  # radii about a chosen point, and the match that is enough there
@@ -309,10 +310,13 @@ def check_best(found: Sequence[Candidate], target: Target, config: SegmentConfig
 def rivals(best: Candidate, other: Candidate, target: Target, config: SegmentConfig) -> bool:
     """Return whether another candidate matches nearly as well as the best, elsewhere.
 
-    Or half as well, where the best is hardly a surface beside it.
+    Or half as well, where the best is hardly a surface beside it. As well, where it lies before or
+    behind the best: what a target leaves of the background beside it has its outline in part.
     """
     apart_m = float(np.linalg.norm(other.centre_m - best.centre_m))
     if apart_m < target.radius_m and on_one_surface(other, best, target.radius_m):
         return False
-    share = DOUBTED if _is_thin(best, other) else config.rival_match
+    share = config.rival_match if apart_m > target.radius_m else BEHIND
+    if _is_thin(best, other):
+        share = DOUBTED
     return other.match > share * best.match

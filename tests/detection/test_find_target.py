@@ -18,6 +18,7 @@ from wheelplane.detection.find_target import (
     candidate_near,
     find_candidates,
     find_target,
+    rivals,
 )
 from wheelplane.errors import NotMeasuredError
 from wheelplane.readers.scan import Scan
@@ -262,6 +263,17 @@ def test_a_scrap_of_few_points_is_no_rival_of_a_target_of_many(match, points, ke
     other = replace(many, centre_m=np.full(3, 0.2), match=match, points=points)
     assert _is_scrap(other, [many, other]) is not kept
     assert not _is_scrap(many, [many, other])
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "match", "is_rival"),
+    [(0.0, 0.9, False), (0.0, 0.97, True), (0.3, 0.9, True), (0.3, 0.7, False)],
+)
+def test_what_a_target_leaves_of_the_background_beside_it_is_no_rival(aside_m, match, is_rival):
+    """Such a piece lies behind it, within a radius; elsewhere, another surface may match less."""
+    best = Candidate(np.zeros(3), np.eye(3), 0.68, 0.00075, 0.005, 9400)
+    other = replace(best, centre_m=np.array([aside_m, 0.0, 0.08]), match=0.68 * match, points=8000)
+    assert rivals(best, other, PLATE, SegmentConfig()) is is_rival
 
 
 PLATE = RectangleTarget(shape="rectangle", width=0.36, height=0.24, thickness=0.01)
