@@ -318,8 +318,7 @@ def results(
         _warn_of_verticals(catalogue, which)
         if {"summary", "drift", "worst"} & set(modes):
             _warn_of_doubts(catalogue, which)
-            _warn_of_removed(catalogue, which)
-            _warn_of_copies(catalogue, which)
+            _warn_of_counted(catalogue, which)
         return int(set(by_status(catalogue, which)) - {"ok"} != set())
 
 
@@ -547,26 +546,22 @@ def _warn_of_doubts(catalogue: Catalogue, which: Filter) -> None:
         )
 
 
-def _warn_of_removed(catalogue: Catalogue, which: Filter) -> None:
-    """Note how many captures of statistics are no longer in the archive."""
-    if found := removed(catalogue, which):
-        captures_are = "1 capture" if found == 1 else f"{found:,} captures"
-        click.echo(
-            f"{captures_are} no longer in the archive counted too, a renamed one twice: --no-gone "
-            "leaves them out",
-            err=True,
-        )
-
-
-def _warn_of_copies(catalogue: Catalogue, which: Filter) -> None:
-    """Note how many captures of statistics are copies of others."""
-    if found := copies(catalogue, which):
-        captures_are = "1 capture" if found == 1 else f"{found:,} captures"
-        click.echo(
-            f"{captures_are} of the same files as another counted too, as if measured again: the "
-            "column scans of --sql shows which",
-            err=True,
-        )
+def _warn_of_counted(catalogue: Catalogue, which: Filter) -> None:
+    """Note how many captures statistics count that show nothing new: removed ones, and copies."""
+    for counted, note in (
+        (
+            removed,
+            "no longer in the archive counted too, a renamed one twice: --no-gone leaves them out",
+        ),
+        (
+            copies,
+            "of the same files as another counted too, as if measured again: the column scans of "
+            "--sql shows which",
+        ),
+    ):
+        if found := counted(catalogue, which):
+            captures_are = "1 capture" if found == 1 else f"{found:,} captures"
+            click.echo(f"{captures_are} {note}", err=True)
 
 
 def _warn_undated(catalogue: Catalogue, which: Filter) -> None:

@@ -753,7 +753,7 @@ def test_statistics_say_how_many_captures_are_no_longer_in_the_archive(tmp_path)
 
 
 def test_statistics_say_how_many_captures_are_copies(tmp_path):
-    """Of the same files, whatever they are called; those that count nowhere are none."""
+    """By the same files, whatever they are called; those that count nowhere are none."""
     trees = {name: result(name, date="2026-01-01") for name in "abcdef"}
     trees["e"] = result("e", status="failed", date="2026-01-01")
     trees["f"]["doubts"] = [{"trial": None, "note": "mirrored"}]

@@ -63,7 +63,7 @@ def test_all_of_them_and_nothing_else(tmp_path, name, step):
 
 @pytest.mark.parametrize("count", [20, 60, 120, 240, 300, 480, 600])
 def test_measure_and_inspect_count_alike_however_few_of_many_are_missing(tmp_path, count):
-    """Of 200,000 points; from some 0.2 per cent on, all are found."""
+    """Among 200,000 points; from some 0.2 per cent on, all are found."""
     points = np.random.default_rng(3).normal(size=(200_000, 3))
     points[np.random.default_rng(count).choice(len(points), count, replace=False)] = 0.0
     np.save(tmp_path / "a.npy", points)

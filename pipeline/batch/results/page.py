@@ -18,13 +18,11 @@ from .series import series
 from .tables import (
     capture_class,
     capture_status,
-    copies_note,
-    doubted_note,
+    counted_notes,
     doubts_listed,
     drift_table,
     expanded,
     failures_table,
-    removed_note,
     summary_table,
     value,
     verticals_note,
@@ -86,8 +84,10 @@ def _record(catalogue: Catalogue, chosen: Selection) -> str:
 def _section(catalogue: Catalogue, chosen: Selection, name: str, writer: Writer) -> Section:
     words, which, quantities = writer.words, chosen.which, chosen.quantities
     signs = words("listing.all_signs")
-    cautions = verticals_note, doubted_note, removed_note, copies_note
-    notes = [note for caution in cautions for note in caution(catalogue, which, words)]
+    notes = [
+        *verticals_note(catalogue, which, words),
+        *counted_notes(catalogue, which, words),
+    ]
     if name == "list":
         return _captures(catalogue, chosen, writer)
     if name == "summary":

@@ -124,22 +124,16 @@ def unlike_verticals(catalogue: Catalogue, which: Filter, words: Translations) -
     return "; ".join(each) if len(found) > 1 else ""
 
 
-def doubted_note(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:
-    """Return how many captures statistics leave out as they are in doubt; nothing of none."""
-    found = doubted(catalogue, which)
-    return [words("listing.doubted", count=words.count(found))] if found else []
-
-
-def removed_note(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:
-    """Return how many captures of statistics are no longer in the archive; nothing of none."""
-    found = removed(catalogue, which)
-    return [words("listing.removed_counted", count=words.count(found))] if found else []
-
-
-def copies_note(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:
-    """Return how many captures of statistics are copies of others; nothing of none."""
-    found = copies(catalogue, which)
-    return [words("listing.copies_counted", count=words.count(found))] if found else []
+def counted_notes(catalogue: Catalogue, which: Filter, words: Translations) -> list[str]:
+    """Return how many captures statistics leave out, and count though they show nothing new."""
+    counts = {
+        "doubted": doubted(catalogue, which),
+        "removed_counted": removed(catalogue, which),
+        "copies_counted": copies(catalogue, which),
+    }
+    return [
+        words(f"listing.{key}", count=words.count(found)) for key, found in counts.items() if found
+    ]
 
 
 def failures_table(found: Sequence[FailureGroup], writer: Writer) -> Table:

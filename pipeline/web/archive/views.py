@@ -28,13 +28,11 @@ from ...batch.results.series import series
 from ...batch.results.tables import (
     capture_class,
     capture_status,
-    copies_note,
-    doubted_note,
+    counted_notes,
     doubts_listed,
     drift_table,
     expanded,
     failures_table,
-    removed_note,
     unlike_verticals,
 )
 from ...batch.results.trend_plot import trend_drawing
@@ -77,10 +75,7 @@ def answer(
         if question in OF_CAMBERS:
             notices = [_unlike_verticals(catalogue, parameters, words)]
             if question in STATISTICS:
-                which = filter_of(parameters)
-                notices += doubted_note(catalogue, which, words)
-                notices += removed_note(catalogue, which, words)
-                notices += copies_note(catalogue, which, words)
+                notices += counted_notes(catalogue, filter_of(parameters), words)
             found["notice"] = " ".join(filter(None, notices))
         return found
 
