@@ -25,7 +25,7 @@ from wheelplane.centre.edge.beams import (
     WRONG_SIZE_M,
     Prior,
 )
-from wheelplane.centre.edge.clean_fit import ALONE, CONTRADICTED, LEAST_CLEAN, UNDAMPED
+from wheelplane.centre.edge.clean_fit import ALONE, AS_NEAR, CONTRADICTED, LEAST_CLEAN, UNDAMPED
 from wheelplane.centre.edge.edge_residuals import (
     ALIKE_LOG,
     SECTORS,
@@ -688,6 +688,25 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
         )
         assert alike == by_chance == pytest.approx(odds / (1.0 + odds), abs=1e-12)
         assert better == 1.0
+
+
+@pytest.mark.parametrize("farther", [0.5, 1.0, 1.9, 2.1, 5.0])
+def test_another_size_is_none_where_the_points_beside_the_edge_lie_far_from_it(farther):
+    """Whatever it explains of the depths, as a wide footprint does of a rounded edge."""
+
+    def solution(growth_m, outliers, off_m):
+        state = prior.mean.copy()
+        state[GROWTH] = growth_m
+        weight = (0.0,) * outliers + (1.0,) * (40 - outliers)
+        found = ended(weight, depths=30, state=state)
+        found.equations.residual_m[30:] = off_m
+        return found
+
+    prior = Prior.of(0.01, CONFIG).by_power().unsized()
+    stated, grown = solution(0.0, 20, 2e-5), solution(3.0 * WRONG_SIZE_M, 5, farther * 2e-5)
+    by_prior = 0.5 - 0.5 * math.tanh(9.0 / 4.0)
+    likely = clean_fit._chance(prior, stated, grown)
+    assert likely == (1.0 if farther < AS_NEAR else pytest.approx(by_prior, abs=1e-12))
 
 
 def test_points_follow_the_edge_while_it_grows_and_stay_while_a_fit_converges(monkeypatch):

@@ -52,6 +52,7 @@ NO_WALL_M, SHOWS_WALL = 1e-4, 1.3
 # How far unlike backgrounds move parts of a clean edge: at most, of where it lies; all of it, of
 # that of its parts.
 MOST_UNLIKE, ALL_ROUND = 0.5, 0.5
+AS_NEAR = 2.0  # of what one size leaves of the points beside an edge, what a likelier one may leave
 # Of a gap: how far beside the stated edge its middle may lie, of half of it; farthest that a point
 # beside it counts.
 MOST_ASIDE, FARTHEST_M = 0.5, 2e-3
@@ -274,9 +275,11 @@ def _chance(prior: Prior, stated: Solution, grown: Solution) -> float:
     """Return the probability of a solution of another size beside one of the stated size.
 
     Where beams are square to a target, what the scanner reports may undo any growth: where the
-    stated size explains as much, their priors decide.
+    stated size explains as much, or the points beside the edge far better, their priors decide:
+    depths alone, of a rounded edge as those of a wide footprint, show no size.
     """
-    if explains_less(stated, grown, AS_MUCH):
+    as_near = _left_m(grown.equations) <= AS_NEAR * _left_m(stated.equations)
+    if as_near and explains_less(stated, grown, AS_MUCH):
         return 1.0
     return 0.5 - 0.5 * math.tanh((prior.off(grown.state) - prior.off(stated.state)) / 4.0)
 
