@@ -93,11 +93,12 @@ def look_up(beams: Beams, depth: Array, state: Array, light: Array | None = None
     part, z, x = sector(beams.share[ring], count), depth[ring], beams.x_m[ring]
     outer = (beyond[ring] > (RING_M[0] + outer_m) / 2.0).astype(np.int64)
     halves, sizes = _quantiles(z, 2 * part + outer, 2 * count, (0.5,))
-    places, _ = _quantiles(x, 2 * part + outer, 2 * count, (0.5,))
+    by_x = np.argsort(x)
+    places, _ = _quantiles(x, 2 * part + outer, 2 * count, (0.5,), by_x)
     (near, far), (x_near, x_far) = halves[0].reshape(-1, 2).T, places[0].reshape(-1, 2).T
     known = sizes.reshape(-1, 2).min(axis=1) >= LEAST_IN_HALF
     slope = np.where(known, (far - near) / np.where(known, x_far - x_near, 1.0), 0.0)
-    (middle,), size = _quantiles(x, part, count, (0.5,))
+    (middle,), size = _quantiles(x, part, count, (0.5,), by_x)
     rest = z - slope[part] * (x - middle[part])
     (low, depth_m, high), _ = _quantiles(rest, part, count, (0.25, 0.5, 0.75))
     spread = (high - low) / 1.349
@@ -131,13 +132,17 @@ def _log_light(light: Array, part: npt.NDArray[np.int64], usable: Mask, least: i
 
 
 def _quantiles(
-    values: Array, part: npt.NDArray[np.int64], count: int, shares: tuple[float, ...]
+    values: Array,
+    part: npt.NDArray[np.int64],
+    count: int,
+    shares: tuple[float, ...],
+    by_value: Rows | None = None,
 ) -> tuple[list[Array], npt.NDArray[np.int64]]:
     """Return quantiles of values (N,) in each of `count` parts, (count,) each, and their sizes.
 
-    NaN in an empty part behind the last point.
+    NaN in an empty part behind the last point. by_value: rows (N,) in the order of their values.
     """
-    by_value = np.argsort(values)
+    by_value = np.argsort(values) if by_value is None else by_value
     narrow = part[by_value].astype(np.min_scalar_type(count))  # numpy sorts one byte by counting
     order = by_value[np.argsort(narrow, kind="stable")]
     ranked = np.append(values[order], np.nan)

@@ -271,7 +271,7 @@ class Equations:
     def _of(self, rows: Rows) -> Equations:
         names = ["q_m", "share", "residual_m", "slopes", "weight", "change", "by_height"]
         names += [] if self.rows is None else ["rows"]
-        return replace(self, **{name: getattr(self, name).T[..., rows].T for name in names})
+        return replace(self, **{name: getattr(self, name).T.take(rows, -1).T for name in names})
 
     def by_zone(self, weight: Array) -> tuple[Array, Array]:
         """Return the products of slopes by zones' ratios and by the state, weighted (N,).
@@ -279,9 +279,7 @@ class Equations:
         (ZONES,) with each zone itself and its prior, (14, ZONES) with the state.
         """
         products = weight * self.slopes[:, RATIO] * self.slopes.T
-        places = self.zone + ZONES * np.arange(len(products))[:, None]
-        sums = np.bincount(places.ravel(), products.ravel(), ZONES * len(products))
-        cross = np.asarray(sums, float).reshape(-1, ZONES)
+        cross = np.stack([self.zone_sum(one) for one in products])
         return cross[RATIO] + self.zones.weight, cross
 
     def eliminated(self, own: Array, cross: Array, prior: Prior) -> tuple[Array, Array]:
@@ -289,7 +287,8 @@ class Equations:
 
         own, cross: as of `by_zone`. (14, 14) of the prior, and of that of the zones.
         """
-        slopes = self.slopes - (cross / own).T[self.zone] * self.slopes[:, RATIO, None]
+        taken = (cross / own).take(self.zone, axis=1) * self.slopes[:, RATIO]
+        slopes = (self.slopes.T - taken).T
         return slopes, np.diag(prior.weight) + cross / own**2 * self.zones.weight @ cross.T
 
     def zone_sum(self, values: Array) -> Array:
@@ -601,15 +600,15 @@ def _squares(
     factor = _cholesky(information)
     order = np.argsort(part, kind="stable")
     starts = np.searchsorted(part[order], np.arange(1, SECTORS))
-    total = np.zeros_like(information)
-    for rows in np.split(order, starts):
-        weighted = slopes[rows].T * linear.weight[rows]
-        here = np.linalg.solve(factor, np.linalg.solve(factor, weighted @ slopes[rows]).T)
-        left, axes = np.linalg.eigh(np.eye(len(here)) - here)
-        pull = axes.T @ np.linalg.solve(factor, weighted @ linear.residual_m[rows])
-        score = factor @ (axes @ (pull / np.sqrt(np.maximum(left, LEAST_LEFT))))
-        total += np.outer(score, score)
-    return total
+    scaled = np.linalg.inv(factor) @ slopes.T.take(order, axis=1)
+    weighted, residual_m = scaled * linear.weight[order], linear.residual_m[order]
+    sectors = [np.split(values, starts, axis=-1) for values in (weighted, scaled, residual_m)]
+    shares = np.array([w @ x.T for w, x, _ in zip(*sectors, strict=True)])
+    pulls = np.array([w @ r for w, _, r in zip(*sectors, strict=True)])
+    left, axes = np.linalg.eigh(np.eye(len(factor)) - shares)
+    pulls = np.einsum("kji,kj->ki", axes, pulls) / np.sqrt(np.maximum(left, LEAST_LEFT))
+    scores = np.einsum("kij,kj->ki", axes, pulls) @ factor.T
+    return np.asarray(scores.T @ scores)
 
 
 def _inverse(change: Array, information: Array) -> Array:

@@ -47,19 +47,19 @@ class Profile:
         """Return all that a profile tells at u (N,)."""
         places, bell = _Places(u), _bell(u)
         square = np.clip(1.0 - u * u, 0.0, None)
-        disc = 2.0 / (3.0 * np.pi) * square**1.5
+        disc = 2.0 / np.pi * np.sqrt(square)
         return Footprint(
             share=places.between(self._tables[0]),
             integral=places.between(self._tables[1]) + np.maximum(u - END, 0.0),
-            density=(1.0 - self.shape) * (2.0 / np.pi * np.sqrt(square)) + self.shape * bell,
-            moment=(1.0 - self.shape) * disc + self.shape * bell / 4.0,
+            density=(1.0 - self.shape) * disc + self.shape * bell,
+            moment=(1.0 - self.shape) * (square * disc / 3.0) + self.shape * bell / 4.0,
             share_by_shape=places.between(_BY_SHAPE[0]),
             integral_by_shape=places.between(_BY_SHAPE[1]),
         )
 
     @cached_property
-    def _tables(self) -> tuple[Array, Array]:
-        return _mixed(_F, self.shape), _mixed(_G, self.shape)
+    def _tables(self) -> tuple[_Table, _Table]:
+        return _Table.of(_mixed(_F, self.shape)), _Table.of(_mixed(_G, self.shape))
 
 
 @lru_cache(maxsize=8)
@@ -103,18 +103,30 @@ def _mixed(pair: Array, shape: float) -> Array:
     return np.asarray((1.0 - shape) * pair[0] + shape * pair[1])
 
 
+@frozen(eq=False)
+class _Table:
+    """Values (K,) over _U, and by how much each is below the next (K - 1,)."""
+
+    values: Array
+    rises: Array
+
+    @classmethod
+    def of(cls, values: Array) -> _Table:
+        return cls(values, np.diff(values))
+
+
 class _Places:
     """Places (N,) in tables over _U, between which these are interpolated; their ends beyond."""
 
     def __init__(self, u: Array) -> None:
         place = np.clip((u + END) * (_STEPS / (2.0 * END)), 0.0, _STEPS - 1e-9)
         self._row = place.astype(np.intp)
-        self._next, self._beyond = self._row + 1, place - self._row
+        self._beyond = place - self._row
 
-    def between(self, table: Array) -> Array:
+    def between(self, table: _Table) -> Array:
         """Interpolate a table linearly."""
-        below = table[self._row]
-        return np.asarray(below + self._beyond * (table[self._next] - below))
+        beyond = self._beyond * table.rises.take(self._row)
+        return np.asarray(table.values.take(self._row) + beyond)
 
 
 # F of both profiles and G, the integral of F; (2, K) each.
@@ -127,7 +139,7 @@ _F = np.stack(
 _G = np.concatenate(
     [np.zeros((2, 1)), np.cumsum((_F[:, 1:] + _F[:, :-1]) * (END / _STEPS), axis=1)], axis=1
 )
-_BY_SHAPE = _F[1] - _F[0], _G[1] - _G[0]
+_BY_SHAPE = _Table.of(_F[1] - _F[0]), _Table.of(_G[1] - _G[0])
 
 
 @frozen(eq=False)
@@ -293,19 +305,17 @@ def edge_profile(
     by_sum = measured.by_near / light
     by_near = near_m * by_sum + measured.by_share * measured.share / light
     by_far = measured.by_share * (1.0 - measured.share) / light
+    by_F_0, by_F_1 = (1.0 - b) * by_near, (b - o) * (by_near - c * by_sum)
+    by_F_2 = e * by_far - o * (T * by_sum - by_near)
+    by_H, by_M = by_sum * (b / run), by_sum * (o * (T - c))
 
-    def change(d_F: tuple[Array | float, ...], d_H: Array | float, d_M: Array | float) -> Array:
+    def change(d_F: tuple[Array, ...], d_H: Array, d_M: Array) -> Array:
         """Return the depth's change with F_0, F_1, F_2, H and M, (N,) each."""
-        by = (
-            (1.0 - b) * by_near,
-            (b - o) * (by_near - c * by_sum),
-            e * by_far - o * (T * by_sum - by_near),
-        )
-        moved = sum(one * d for one, d in zip(by, d_F, strict=True))
-        return np.asarray(moved + by_sum * (b / run * d_H + o * (T - c) * d_M))
+        by_F = by_F_0 * d_F[0] + by_F_1 * d_F[1] + by_F_2 * d_F[2]
+        return np.asarray(by_F + by_H * d_H + by_M * d_M)
 
-    d_width = np.where(width > 1e-3 * spot_m, change((0.0, 0.0, -f_2), 0.0, (F_2 - M) / width), 0.0)
-    d_x_1 = change((0.0, -f_1, -f_2), F_1, (F_2 - F_1) / width)
+    d_width = np.where(width > 1e-3 * spot_m, by_M * ((F_2 - M) / width) - by_F_2 * f_2, 0.0)
+    d_x_1 = by_H * F_1 + by_M * ((F_2 - F_1) / width) - by_F_1 * f_1 - by_F_2 * f_2
     tilted = (1.0 - b) * (x_m + c) * f_0 + (b - o) * x_1 * f_1 + (o - e) * (x_1 - width) * f_2
     return EdgeProfile(
         depth_m=measured.range_m,
@@ -326,7 +336,8 @@ def edge_profile(
         ),
         background_share=F_2,
         by_background=measured.by_far,
-        d_chamfer=change((f_0, 0.0, 0.0), F_0, 0.0)
+        d_chamfer=by_F_0 * f_0
+        + by_H * F_0
         + seen * d_x_1
         - facing * d_width
         + (o * (F_1 - M) - b * F_1) * by_sum,
