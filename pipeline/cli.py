@@ -13,7 +13,7 @@ import click
 
 from . import __version__
 from .errors import TimeLimitError, WheelplaneError
-from .system import signals
+from .system import hold_freed, signals
 
 COMMANDS = {
     "batch": ("commands.batch:batch", "Measure every capture of an archive; a catalogue."),
@@ -96,6 +96,7 @@ def main() -> None:
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[variable] = "1"  # same bytes with any number of cores
     os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # none is used: do not search for them
+    hold_freed()
     for number in signals("SIGTERM", "SIGHUP"):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores the latter
             signal.signal(number, _end)

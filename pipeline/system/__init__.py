@@ -11,6 +11,7 @@ from .locks import acquire
 from .memory import (
     free_bytes,
     give_back,
+    hold_freed,
     machine_bytes,
     memory_limit,
     peak_bytes,
@@ -41,6 +42,7 @@ __all__ = [
     "frozen",
     "give_back",
     "give_way",
+    "hold_freed",
     "inherits_descriptors",
     "loader",
     "machine_bytes",

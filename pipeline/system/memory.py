@@ -22,6 +22,9 @@ except ImportError:  # Windows
 
 UNKNOWN = 1 << 62
 MAPPED, DATA = 0, 5  # columns of /proc/self/statm, proc(5)
+# Parameters of mallopt(3) and their values: free memory at the top of the heap that is kept, and
+# size from which an array is mapped on its own.
+HELD = {-1: 128 << 20, -3: 16 << 20}
 
 
 def machine_bytes() -> int:
@@ -76,6 +79,17 @@ def memory_limit(more_bytes: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_DATA, (before, hard))
+
+
+def hold_freed() -> None:
+    """Keep memory that was freed for the arrays that follow, up to what HELD says (glibc).
+
+    The system hands out each page of new memory anew, which takes longer than arithmetic in it.
+    """
+    with suppress(AttributeError, OSError, TypeError):
+        library = ctypes.CDLL(None)
+        for parameter, size in HELD.items():
+            library.mallopt(parameter, size)
 
 
 def give_back() -> None:

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from ...readers import confine, die_with
-from ...system import signals, start_method
+from ...system import hold_freed, signals, start_method
 from .measure_one import TransientError
 from .work import CompletedCapture, Task, work
 
@@ -167,6 +167,7 @@ def _serve(
     for stream in (1, 2):
         os.dup2(log, stream)
     faulthandler.enable(log)
+    hold_freed()
     tempfile.tempdir = str(folder)
     confine(memory_bytes)
     while True:
