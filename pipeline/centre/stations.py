@@ -18,12 +18,12 @@ import numpy as np
 from ..cloud import find_lattice, scattered
 from ..plane import Patch
 from ..targets import Region
-from ..vectors import Array, Rows
+from ..vectors import Array, Rows, in_axes
 from .beam_grids import beam_grids, nearest_grid
 from .layers import find_layers
 
 BLOCKS = 64  # of points in their order, between which a break is looked for
-POINTS = 100_000  # enough to see one
+POINTS, FOLLOWING_POINTS = 100_000, 20_000  # enough to see one; and whether they follow each other
 LEAST_POINTS = 100  # of a station
 SCANNED_ONCE = 0.06  # share of the variance of the order that no slope explains; one scan: 0.01
 ALIKE, FOLLOWING = 0.4, 0.8  # of a step to the next point: how alike they are; their share
@@ -41,14 +41,11 @@ def of_stations(patch: Patch, region: Region) -> list[Patch]:
     after = patch.around_after
     if after is None:
         return [patch]
-    uvw = patch.face_m @ patch.basis.T
-    uv = uvw[:, :2]
-    rows = np.flatnonzero(region.holds(uv))
-    if len(rows) > POINTS:
-        rows = rows[np.sort(scattered(len(rows), POINTS))]
-    ordered = uv[rows] / region.radius_m
+    uvw = in_axes(patch.basis, patch.face_m)
+    rows = _some_of(np.flatnonzero(region.holds(uvw[:, :2])), POINTS)
+    ordered = uvw[rows, :2] / region.radius_m
     one = _is_one_scan(ordered)
-    if one and _follow_each_other(uvw, rows):
+    if one and _follow_each_other(uvw, _some_of(rows, FOLLOWING_POINTS)):
         return [patch]
     if find_lattice(patch.face_m[rows], patch.steps.axes, patch.basis[2]):
         return [patch]  # voxels are sorted by layers, of which each is passed once
@@ -56,6 +53,15 @@ def of_stations(patch: Patch, region: Region) -> list[Patch]:
     parts = _by_order(patch, rows, after, breaks) if breaks else _by_grids(patch, rows)
     parts = parts or _by_layers(patch, rows, region)
     return [_at_its_height(part, region) for part in parts] or [patch]
+
+
+def _some_of(rows: Rows, most: int) -> Rows:
+    """Return about `most` of ascending rows, or all if they are fewer, in their order."""
+    if len(rows) <= most:
+        return rows
+    chosen = np.zeros(len(rows), bool)
+    chosen[scattered(len(rows), most)] = True
+    return rows[chosen]
 
 
 def _by_order(patch: Patch, rows: Rows, after: Rows, breaks: list[int]) -> list[Patch]:
@@ -75,15 +81,18 @@ def _follow_each_other(uvw: Array, rows: Rows) -> bool:
     As along the lines of one scanner; not of scans that were sorted together. A height over the
     plane moves a point along its beam, whose slope is that of the steps over those of the heights.
     """
-    ahead, headed = (uvw[np.minimum(rows + k, len(uvw) - 1)] - uvw[rows] for k in (1, HEADED))
-    along = np.linalg.eigh(headed[:, :2].T @ headed[:, :2])[1][:, 1]
-    ahead *= np.where(headed[:, :2] @ along < 0.0, -1.0, 1.0)[:, None]
-    uv, height = ahead[:, :2], ahead[:, 2]
-    step = np.median(uv, axis=0)
+    here = uvw.T.take(rows, axis=1)
+    ahead, headed = (
+        uvw.T.take(np.minimum(rows + k, len(uvw) - 1), axis=1) - here for k in (1, HEADED)
+    )
+    along = np.linalg.eigh(headed[:2] @ headed[:2].T)[1][:, 1]
+    ahead *= np.where(along @ headed[:2] < 0.0, -1.0, 1.0)
+    uv, height = ahead[:2], ahead[2]
+    step = np.median(uv, axis=1)[:, None]
     length = np.hypot(*step)
-    near = np.hypot(*(uv - step).T) < FOLLOWED * length
-    slope = height[near] @ (uv - step)[near] / max(height[near] @ height[near], 1e-30)
-    alike = np.hypot(*(uv - step - np.outer(height, slope)).T) < ALIKE * length
+    near = np.hypot(*(uv - step)) < FOLLOWED * length
+    slope = (uv - step)[:, near] @ height[near] / max(height[near] @ height[near], 1e-30)
+    alike = np.hypot(*(uv - step - np.outer(slope, height))) < ALIKE * length
     return bool(np.mean(alike) > FOLLOWING)
 
 
