@@ -236,47 +236,39 @@ def _fit_placed(patch: Patch, target: Target, config: Config) -> tuple[Patch, Pl
     then: mixed pixels of the edge in view count as points of the plane, and tilt it. The outermost
     points show that for most, before the centre is fitted at all.
     """
-    plane = fit_plane(patch, target, config.plane)
+
+    def viewed(patch: Patch) -> TargetView:
+        return TargetView(patch, fit_plane(patch, target, config.plane), target, config.centre)
+
+    view, scanner_m = viewed(patch), patch.scanner_m
     margin_m, distance_m = config.plane.edge_margin_m, config.instrument.distance_m
-    view = TargetView(patch, plane, target, config.centre)
-    scanner_m = patch.scanner_m
     if scanner_m is None:
         scanner_m = scanner_by_shadow(view, margin_m, distance_m)
     if scanner_m is not None:
         clear = clear_of_occluders(view, margin_m, scanner_m)
-        if clear is not patch:
-            patch, plane = clear, fit_plane(clear, target, config.plane)
-            view = TargetView(patch, plane, target, config.centre)
+        view = view if clear is patch else viewed(clear)
     rough = rough_pose(view)
     if rough is not None:
-        nearer = _placed(patch, plane, *rough, target, margin_m)
-        if nearer is not patch:
-            patch, plane = nearer, fit_plane(nearer, target, config.plane)
-    fitted = locate_centre(patch, plane, target, config.centre)
-    pose = fitted.centre_m, fitted.turn_rad(plane)
-    again = _placed(patch, plane, *pose, target, margin_m)
+        nearer = _placed(view, *rough, margin_m)
+        view = view if nearer is view.patch else viewed(nearer)
+    fitted = locate_centre(view)
+    again = _placed(view, fitted.centre_m, fitted.turn_rad(view.plane), margin_m)
     if scanner_m is None and fitted.edge_fit is not None:
-        scanner_m = fitted.centre_m - fitted.sight_m(distance_m, None, plane)
-        view = TargetView(again, plane, target, config.centre)
-        again = clear_of_occluders(view, margin_m, scanner_m)
-    if again is patch:
-        return patch, plane, fitted
-    plane = fit_plane(again, target, config.plane)
-    return again, plane, locate_centre(again, plane, target, config.centre)
+        scanner_m = fitted.centre_m - fitted.sight_m(distance_m, None, view.plane)
+        nearer_view = view if again is view.patch else replace(view, patch=again)
+        again = clear_of_occluders(nearer_view, margin_m, scanner_m)
+    if again is not view.patch:
+        view = viewed(again)
+        fitted = locate_centre(view)
+    return view.patch, view.plane, fitted
 
 
-def _placed(
-    patch: Patch,
-    plane: PlaneFit,
-    centre_m: Array,
-    turn_rad: float,
-    target: Target,
-    margin_m: float,
-) -> Patch:
+def _placed(view: TargetView, centre_m: Array, turn_rad: float, margin_m: float) -> Patch:
     """Return the patch about a centre (3,), turned; the very same one where that is near enough."""
+    target, patch = view.target, view.patch
     period_rad = target.region.period_rad
     turn_rad = math.remainder(turn_rad, period_rad) if period_rad else 0.0
-    aside_m = float(np.linalg.norm(plane.basis[:2] @ (centre_m - patch.origin_m)))
+    aside_m = float(np.linalg.norm(view.plane.basis[:2] @ (centre_m - patch.origin_m)))
     if aside_m + abs(turn_rad) * target.radius_m < REFITTED * margin_m:
         return patch
     return patch.placed(centre_m, turn_rad)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ..config import CentreConfig
-from ..plane import Patch, PlaneFit
+from ..plane import PlaneFit
 from ..system import frozen, stage
 from ..targets import PatternTarget, Target
 from ..uncertainty import UncertaintyComponent, centre_component, plane_component
@@ -126,26 +125,26 @@ class TargetFit:
 
 
 @stage("centre")
-def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreConfig) -> TargetFit:
-    """Locate the centre of the target in `patch`, on the fitted plane.
+def locate_centre(view: TargetView) -> TargetFit:
+    """Locate the centre of a target in view, on the plane fitted to it.
 
     By the points around its edges where there is a background (see edge/fit_edge.py),
     otherwise by its outermost points; by its holes; and by its print. The results are weighted by
     their uncertainties. Raises NotMeasuredError 'no-outline', 'wrong-outline' or
     'centres-disagree'.
     """
-    view = TargetView(patch, plane, target, config)
+    target = view.target
     outer = centre_by_edge(view, target.edge)
     inner = centre_by_holes(view, target.holes, outer) if target.holes else None
     printed = _printed(view, target, outer)
     estimates = [edge.estimate for edge in (outer, inner) if edge]
     if printed is not None and isinstance(target, PatternTarget):
         estimates.append(_by_pattern(printed, target, outer.edge_fit))
-    by_plane = _at(plane, view.to_scanner(outer.estimate.centre_m))
+    by_plane = _at(view.plane, view.to_scanner(outer.estimate.centre_m))
     check_agreement(estimates, by_plane)
     fitted = _fit(view, combined(reconciled(estimates, by_plane)), outer.edge_fit)
     missed = isinstance(target, PatternTarget) and printed is None
-    blind = patch.face_intensity is None
+    blind = view.patch.face_intensity is None
     others = (
         [_fit(view, estimate, outer.edge_fit) for estimate in estimates]
         if len(estimates) > 1

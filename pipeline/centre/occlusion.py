@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ CLEAR_SIGMAS, CLEAR_M = 5.0, 0.002  # before the plane, from where a point lies 
 CELL, UNSEEN = 2.5, 0.01  # of the spacing: cells of a target; share of them that may be empty
 THINNED = 0.75  # of the target's points elsewhere: most where something hides some
 PARTS = 3  # of the margin: cells in which beams are counted
+FEW_BEAMS = 4  # one in so many of the target's own beams, by which strays before it are known
 SHARE, LEAST = 0.15, 3  # of the beams within two margins, and points: fewer are strays
 STEEPEST, LEAST_STEP = 1.2, 0.04  # slopes of the beams that are tried
 TRIED, TRIED_M = 1000, 0.01  # points at first, and steps of their shadow
@@ -53,6 +55,11 @@ class Raster:
         cells, within = self._cells(q_m)
         counts = np.bincount(cells[within], minlength=self.across**2)
         return counts.astype(np.float32).reshape(self.across, self.across)
+
+    def weighted(self, sets_m: Sequence[Points], weights: tuple[float, ...]) -> Image:
+        """Return the numbers of several sets of points in each cell, by their weights."""
+        counts = [self.counts(q_m) for q_m in sets_m]
+        return np.asarray(np.tensordot(np.array(weights, dtype=np.float32), counts, 1))
 
     def at(self, image: npt.NDArray[Any], q_m: Points) -> npt.NDArray[Any]:
         """Return the values (N,) of an image at q_m (N, 2), 0 outside."""
@@ -137,16 +144,19 @@ def clear_of_occluders(view: TargetView, margin_m: float, scanner_m: Array) -> P
     u, v, w = view.in_plane((scanner_m - patch.origin_m)[None])[0]
     beams, margin_m = np.array([-u, -v, 1.0]) / w, max(margin_m, view.spacing_m)
     front = [_carried(points, beams) for points in _before(view, np.sign(w))]
-    touched = [region.shrunk(-margin_m).holds(q_m) for q_m in front]
-    if sum(np.count_nonzero(rows) for rows in touched) < LEAST:
+    touched = [q_m[region.shrunk(-margin_m).holds(q_m)] for q_m in front]
+    if sum(len(q_m) for q_m in touched) < LEAST:
         return patch
     raster = Raster.of(view.target.radius_m + 3.0 * margin_m, margin_m / PARTS)
-    met = [_carried(uvw, beams) for uvw in view.parts]
-    weights = np.array([patch.around_share, 1.0], dtype=np.float32)
-    before, every = (
-        np.tensordot(weights, [raster.counts(q_m) for q_m in sets], 1) for sets in (front, met)
-    )
-    surface = _surface(before, every, LEAST * patch.around_share)
+    face, around = view.parts
+    weights, least = (patch.around_share, 1.0), LEAST * patch.around_share
+    before = raster.weighted(front, weights)
+    # Of what outnumbers strays already, all beams together leave no surface either.
+    some = weights[0] * raster.counts(_carried(face[::FEW_BEAMS], beams))
+    if not any(raster.at(_surface(before, some, least), q_m).any() for q_m in touched):
+        return patch
+    met = [_carried(uvw, beams) for uvw in (face, around)]
+    surface = _surface(before, raster.weighted(met, weights), least)
     on_surface = np.concatenate([q_m[raster.at(surface, q_m) > 0] for q_m in front])
     if not Visibility.of(view, margin_m).is_thinned(on_surface):
         return patch

@@ -23,6 +23,7 @@ import numpy as np
 
 from tests.support.vehicle_scenes import RADIUS_M, Scene, TrueFace, hard_wheel, vehicle_scene
 from wheelplane.centre.locate_centre import locate_centre
+from wheelplane.centre.target_view import TargetView
 from wheelplane.config import Config
 from wheelplane.detection.find_target import find_target
 from wheelplane.detection.find_targets import find_targets
@@ -72,7 +73,7 @@ def measured(patch: Patch) -> Found:
     """Plane and centre of a patch, or why not."""
     try:
         plane = fit_plane(patch, DISC, CONFIG.plane)
-        fitted = locate_centre(patch, plane, DISC, CONFIG.centre)
+        fitted = locate_centre(TargetView(patch, plane, DISC, CONFIG.centre))
     except NotMeasuredError as error:
         return Found(error.status, str(error), patch.origin_m, patch.basis[2])
     return Found("ok", "", fitted.centre_m, fitted.normal)

@@ -30,7 +30,7 @@ from tests.bench.physics import (
     made_targets,
     scanner_file,
 )
-from wheelplane.centre import locate_centre
+from wheelplane.centre import TargetView, locate_centre
 from wheelplane.centre.locate_centre import TargetFit
 from wheelplane.config import Config, config_file
 from wheelplane.detection.find_target import find_target
@@ -93,7 +93,7 @@ def rows(seed: int, base: str, values: Values, target_name: str) -> Iterator[Row
                 patch = find_target(scan.points_m, target, config.segment, 0, scan.intensity)
                 plane = fit_plane(patch, target, config.plane)
                 start = time.process_time()
-                found = locate_centre(patch, plane, target, config.centre)
+                found = locate_centre(TargetView(patch, plane, target, config.centre))
             except NotMeasuredError as error:
                 yield error.status
                 continue

@@ -31,6 +31,7 @@ import numpy as np
 
 from tests.support.vehicle_scenes import RADIUS_M, VehicleCloud, face_cloud
 from wheelplane.centre.locate_centre import locate_centre
+from wheelplane.centre.target_view import TargetView
 from wheelplane.config import Config
 from wheelplane.detection.find_target import find_target
 from wheelplane.plane.fit_plane import PlaneFit, fit_plane
@@ -184,7 +185,7 @@ def answer(points_m: np.ndarray) -> np.ndarray:
     """Normal (3,), offset, centre (3,) of the target."""
     patch = find_target(points_m, DISC, CONFIG.segment, 0)
     plane = fit_plane(patch, DISC, CONFIG.plane)
-    fitted = locate_centre(patch, plane, DISC, CONFIG.centre)
+    fitted = locate_centre(TargetView(patch, plane, DISC, CONFIG.centre))
     return np.array([*plane.normal, -plane.normal @ plane.centroid_m, *fitted.centre_m])
 
 

@@ -15,6 +15,7 @@ from tests.support.scenes import Setup, make
 from tests.support.single_scan import u_turn_rad
 from wheelplane.centre.in_plane_rotation import PlaneRotation, combined_rotation
 from wheelplane.centre.locate_centre import locate_centre
+from wheelplane.centre.target_view import TargetView
 from wheelplane.config import CentreConfig, PlaneConfig
 from wheelplane.plane.fit_plane import fit_plane
 from wheelplane.targets.registry import load_target
@@ -106,7 +107,7 @@ def test_a_leaning_plane_turns_a_face_that_is_seen_aslant(name, slope):
     plane = fit_plane(patch, target, PlaneConfig())
     lean = np.array([0.0, *slope])
     known = replace(plane, correlated=replace(plane.correlated, covariance=np.outer(lean, lean)))
-    before = locate_centre(patch, known, target, CentreConfig())
+    before = locate_centre(TargetView(patch, known, target, CentreConfig()))
     (component,) = (c for c in before.components if c.name == "correlated noise")
     b = plane.basis
     column = int(np.argmax(np.linalg.norm(component.factor[:3], axis=0)))
@@ -114,7 +115,7 @@ def test_a_leaning_plane_turns_a_face_that_is_seen_aslant(name, slope):
     u, v = b[0] + slope[0] * b[2], b[1] + slope[1] * b[2]
     normal = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
     tilted = np.stack([u / np.linalg.norm(u), np.cross(normal, u / np.linalg.norm(u)), normal])
-    after = locate_centre(patch, replace(plane, basis=tilted), target, CentreConfig())
+    after = locate_centre(TargetView(patch, replace(plane, basis=tilted), target, CentreConfig()))
     angle = [np.arctan2(basis[1] @ f.turn.axis, basis[0] @ f.turn.axis)
              for basis, f in ((b, before), (tilted, after))]  # fmt: skip
     moved = angle[1] - angle[0]

@@ -12,6 +12,7 @@ from scipy import optimize, stats
 from tests.support.scenes import WHEEL, Setup, Sheet, make, rotation
 from tests.support.single_scan import measure_scan
 from wheelplane.centre.locate_centre import locate_centre
+from wheelplane.centre.target_view import TargetView
 from wheelplane.config import CentreConfig, Config, PlaneConfig, SegmentConfig
 from wheelplane.detection.find_target import find_target
 from wheelplane.errors import NotMeasuredError
@@ -28,7 +29,7 @@ def fit(points, target=DISC, seed=0, station_m=None, most_around=400_000):
     patch = find_target(points, target, segment, seed)
     patch = replace(patch, station_m=station_m)
     plane = fit_plane(patch, target, PlaneConfig())
-    return locate_centre(patch, plane, target, CentreConfig())
+    return locate_centre(TargetView(patch, plane, target, CentreConfig()))
 
 
 def thickness_of(setup):

@@ -14,6 +14,7 @@ from tests.support import scenes
 from tests.support.plates import in_target
 from tests.support.scenes import Setup, Sheet, make
 from wheelplane.centre.locate_centre import locate_centre
+from wheelplane.centre.target_view import TargetView
 from wheelplane.config import CentreConfig, PlaneConfig, SegmentConfig
 from wheelplane.detection.find_target import find_target
 from wheelplane.plane.fit_plane import fit_plane
@@ -127,7 +128,7 @@ def test_a_new_shape_is_found_and_its_centre_and_rotation_are_located(scene, see
     cloud = make(setup, seed)
     patch = find_target(cloud.points_m, target, SegmentConfig(), seed)
     plane = fit_plane(patch, target, PlaneConfig())
-    fitted = locate_centre(patch, plane, target, CentreConfig())
+    fitted = locate_centre(TargetView(patch, plane, target, CentreConfig()))
     result = in_target(cloud, fitted)
     assert np.linalg.norm(result.error_m) < EFFECT_M
     assert np.linalg.norm(result.error_m) < 3.72 * result.u_m

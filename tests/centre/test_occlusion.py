@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.plates import patch_of
 from tests.support.scenes import Setup, Sheet, make
-from wheelplane.centre import TargetView
+from wheelplane.centre import TargetView, occlusion
 from wheelplane.centre.occlusion import clear_of_occluders, scanner_by_shadow
 from wheelplane.config import CentreConfig, PlaneConfig
 from wheelplane.plane import fit_plane
@@ -116,3 +116,16 @@ def test_a_scanner_elsewhere_does_not_let_the_background_hide_a_target():
     aside = cloud.centre_m + cloud.R @ np.array([2.0, 0.0, 1.5])
     assert clear_of_occluders(view, MARGIN_M, behind) is view.patch
     assert clear_of_occluders(view, MARGIN_M, aside) is view.patch
+
+
+@pytest.mark.parametrize("extra", [(), (rod(0.03),), (board(0.15),), (rod(0.008), rod(0.2))])
+@pytest.mark.parametrize("share", [0.0, 0.03, 0.3])
+def test_the_targets_own_beams_decide_as_all_do(extra, share, monkeypatch):
+    cloud = make(OPEN.but(extra=extra), 8)
+    object.__setattr__(cloud, "points_m", dust(cloud, share, 8))
+    view = viewed(cloud)
+    by_few = clear_of_occluders(view, MARGIN_M, cloud.viewpoint_m)
+    monkeypatch.setattr(occlusion, "FEW_BEAMS", len(view.patch.face_m))  # one beam decides nothing
+    by_all = clear_of_occluders(view, MARGIN_M, cloud.viewpoint_m)
+    assert (by_few is view.patch) == (by_all is view.patch)
+    assert np.array_equal(by_few.face_m, by_all.face_m)

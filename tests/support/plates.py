@@ -8,6 +8,7 @@ import numpy as np
 
 from tests.support.scenes import Cloud
 from wheelplane.centre.locate_centre import OtherCentre, TargetFit, locate_centre
+from wheelplane.centre.target_view import TargetView
 from wheelplane.config import CentreConfig, PlaneConfig
 from wheelplane.detection.candidates import Candidate
 from wheelplane.detection.cut_patch import cut_patch
@@ -65,7 +66,7 @@ def patch_of(cloud: Cloud, target: Target, seed: int = 0) -> Patch:
 def fit(cloud: Cloud, target: Target, seed: int = 0, config: CentreConfig = CENTRE) -> TargetFit:
     patch = patch_of(cloud, target, seed)
     plane = fit_plane(patch, target, PlaneConfig())
-    return locate_centre(patch, plane, target, config)
+    return locate_centre(TargetView(patch, plane, target, config))
 
 
 def found(cloud: Cloud, target: Target, seed: int = 0, config: CentreConfig = CENTRE) -> Found:

@@ -16,6 +16,7 @@ from tests.support.plates import patch_of
 from tests.support.printing import setup_of
 from tests.support.scenes import Cloud, Setup, make
 from tests.support.turning import PLACES, WHEELS, facing, side
+from wheelplane.centre import target_view
 from wheelplane.centre.locate_centre import locate_centre
 from wheelplane.cloud.preview import cloud_sample
 from wheelplane.config import CentreConfig, Config, PlaneConfig
@@ -87,7 +88,7 @@ def site_of(site: int) -> tuple[np.ndarray, np.ndarray]:
 def evidence_of(cloud: Cloud, target: Target, seed: int = 0) -> Evidence:
     patch = patch_of(cloud, target, seed)
     plane = fit_plane(patch, target, PlaneConfig())
-    fitted = locate_centre(patch, plane, target, CentreConfig())
+    fitted = locate_centre(target_view.TargetView(patch, plane, target, CentreConfig()))
     return Evidence(fitted, plane, residual_map(patch, plane, fitted, target, margin_m()))
 
 
