@@ -298,16 +298,23 @@ class _Field:
         residual, added = white.residual, white.kernel(kernel)
         return cls(lengths_m, residual, added, of_plane, cells.white_variance)
 
+    @property
+    def score(self) -> float:
+        """Twice the slope of the log-likelihood at s^2 = 0: z'Kz less its mean tr K for white z."""
+        return float(self.residual @ self.kernel @ self.residual) - float(np.trace(self.kernel))
+
     def is_suspect(self) -> bool:
-        """Test s = 0 by the score: z'Kz against its mean tr K and variance 2 tr K^2 for white z."""
-        score = float(self.residual @ self.kernel @ self.residual) - float(np.trace(self.kernel))
-        return score > SUSPECT * math.sqrt(2.0 * float(np.sum(self.kernel**2)))
+        """Test s = 0 by the score, whose variance is 2 tr K^2 for white z."""
+        return self.score > SUSPECT * math.sqrt(2.0 * float(np.sum(self.kernel**2)))
 
     def maximise(self) -> _Maximum:
         """Return the least s^2 at which the likelihood has a maximum, by its slope in log s^2.
 
-        A smooth field of absurd size may pass for waves shorter than its length: a maximum beyond.
+        At a negative score that is 0. A smooth field of absurd size may pass for waves shorter than
+        its length: a maximum beyond.
         """
+        if self.score < 0.0:
+            return _Maximum(0.0, 0.0, 1.0)
         values, vectors = np.linalg.eigh(self.kernel)
         values = values.clip(min=0.0)
         square = (vectors.T @ self.residual) ** 2
@@ -353,7 +360,8 @@ def _averaged_kernel(cells: Cells, lengths_m: tuple[float, float]) -> Array:
         t = apart / (math.sqrt(2.0) * length_m)
         g = apart * math.sqrt(math.pi / 2.0) * length_m * erf(t) + length_m**2 * np.exp(-t * t)
         table = (g[2:] - 2.0 * g[1:-1] + g[:-2]) / side_m**2
-        kernel *= table[np.abs(place[:, None] - place[None, :])]
+        number = np.arange(len(table))
+        kernel *= table[np.abs(number[:, None] - number)][place].take(place, axis=1)
     return kernel
 
 
