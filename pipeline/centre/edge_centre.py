@@ -176,8 +176,8 @@ def _by_edge(
     beside: another edge of the same target.
     """
     plane, config = view.plane, view.config
-    every, near = view.near_and_even(outline, start)
-    face = _on_target(view, every)
+    flat, near = view.flat_and_even(outline, start, OFF_PLANE * view.band_m)
+    face = _on_target(view, flat)
     known = beside.edge_fit if beside else None
     aim = None if known else _aimed(view, near, outline, start)
     edge_fit = (

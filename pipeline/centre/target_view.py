@@ -14,7 +14,7 @@ from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
 from ..system import frozen
 from ..targets import Outline, Target
-from ..vectors import Array, Array32, Rows, in_axes, turned
+from ..vectors import Array, Array32, Mask, Rows, in_axes, turned
 from .edge.edge_intensity import face_light, relative_to_face
 
 GENTLE_SLOPE = 1.2  # of beams: shift aside per depth, as a rule
@@ -48,22 +48,26 @@ class TargetView:
         face, around = self._near_rows(outline, start, slope)
         return self._joined(self._thinned(face) if even else face, around)
 
-    def near_and_even(self, outline: Outline, start: tuple[Array, float]) -> tuple[Array, Array]:
-        """Return what `near` does, without `even` and with it."""
+    def flat_and_even(
+        self, outline: Outline, start: tuple[Array, float], within_m: float
+    ) -> tuple[Array, Array]:
+        """Return those of `near` within that of the plane, without intensities, and all, `even`."""
         face, around = self._near_rows(outline, start, GENTLE_SLOPE)
-        every, thinned = self._joined(face, around), self._thinned(face)
-        return every, every if thinned is face else self._joined(thinned, around)
+        flat = [_flat(self.parts[0], face, within_m), _flat(self.parts[1], around, within_m)]
+        even = self._joined(self._thinned(face), around)
+        return np.concatenate(flat, axis=1, dtype=np.float64).T, even
 
     def _near_rows(self, outline: Outline, start: tuple[Array, float], slope: float) -> list[Rows]:
         """Return the rows of face and surroundings that may matter to an outline."""
         inner = max(0.1 * outline.size_m, 0.012)
-        found = []
-        for uvw in self.parts:
+
+        def near(uvw: Array | Array32) -> Mask:
             q = turned(uvw[:, :2] - start[0].astype(uvw.dtype), -start[1])
             x = outline.outside_m(*q.T)
             aside = slope * np.abs(uvw[:, 2])
-            found.append(np.flatnonzero((x > -inner - aside) & (x < BEYOND_M + aside)))
-        return found
+            return np.asarray((x > -inner - aside) & (x < BEYOND_M + aside))
+
+        return [np.flatnonzero(near(uvw)) for uvw in self.parts]
 
     def _thinned(self, face: Rows) -> Rows:
         """Return those of some rows of the face that are left where it is as thin as the rest."""
@@ -72,16 +76,17 @@ class TargetView:
 
     def _joined(self, face: Rows, around: Rows) -> Array:
         """Return rows of face and surroundings in plane coordinates, and their intensity."""
-        on, off = self.parts
-        both = on.T.take(face, axis=1), off.T.take(around, axis=1)
-        joined = np.concatenate(both, axis=1, dtype=np.float64)
+        (on, off), count = self.parts, len(face)
+        joined = np.empty((5, count + len(around)))
+        joined[:3, :count] = on.T.take(face, axis=1)
+        joined[:3, count:] = off.T.take(around, axis=1)
         lights = self.patch.face_intensity, self.patch.around_intensity
         if lights[0] is None or lights[1] is None or self._face_light is None:
-            return joined.T
+            return joined[:3].T
         seen = np.concatenate([lights[0][face], lights[1][around]])
-        light = relative_to_face(joined[:2].T, seen, self._face_light)
-        of_target = np.where(np.arange(len(light)) < len(face), light, np.nan)
-        return np.concatenate([joined, of_target[None], light[None]]).T
+        joined[4] = relative_to_face(joined[:2].T, seen, self._face_light)
+        joined[3, :count], joined[3, count:] = joined[4, :count], np.nan
+        return joined.T
 
     @cached_property
     def _face_light(self) -> Array | None:
@@ -106,9 +111,9 @@ class TargetView:
     def on_face(self, radius_m: float) -> tuple[Array, npt.NDArray[np.intp]]:
         """Return the points on the target in plane coordinates (M, 3), and their rows."""
         uvw, _ = self.parts
-        near = np.hypot(uvw[:, 0], uvw[:, 1]) < 1.1 * radius_m
+        near = uvw[:, 0] ** 2 + uvw[:, 1] ** 2 < (1.1 * radius_m) ** 2
         kept = np.flatnonzero(near & (np.abs(uvw[:, 2]) < self.band_m))
-        return uvw[kept], kept
+        return np.stack([column.take(kept) for column in uvw.T], axis=1), kept
 
     @property
     def station(self) -> Array | None:
@@ -140,3 +145,8 @@ class TargetView:
     def _lift_m(self) -> float:
         """Height of the patch's origin above the plane."""
         return float((self.patch.origin_m - self.plane.centroid_m) @ self.plane.basis[2])
+
+
+def _flat(uvw: npt.NDArray[Any], rows: Rows, within_m: float) -> npt.NDArray[Any]:
+    """Return those rows of points uvw (N, 3) that lie within that of the plane, transposed."""
+    return np.asarray(uvw.T.take(rows[np.abs(uvw[:, 2].take(rows)) < within_m], axis=1))

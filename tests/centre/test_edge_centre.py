@@ -524,6 +524,22 @@ def test_points_near_an_outline_are_those_that_a_line_of_numpy_keeps(name):
     assert 0.05 < np.mean(kept) < 0.95
 
 
+@pytest.mark.parametrize("lit", [True, False])
+def test_flat_points_near_an_outline_are_those_of_all_near_and_the_rest_is_even(lit):
+    _, view = viewed("disc-250")
+    count = [len(part) for part in view.parts]
+    light = np.random.default_rng(0).uniform(0.9, 1.1, sum(count)).astype(np.float32)
+    on, off = np.split(light, count[:1]) if lit else (None, None)
+    patch = replace(view.patch, around_share=0.4, face_intensity=on, around_intensity=off)
+    view, start = replace(view, patch=patch), (np.array([0.002, -0.001]), 0.03)
+    every = view.near(view.target.edge, start)[:, :3]
+    flat, even = view.flat_and_even(view.target.edge, start, 2.0 * view.band_m)
+    assert np.array_equal(flat, every[np.abs(every[:, 2]) < 2.0 * view.band_m])
+    assert np.array_equal(even, view.near(view.target.edge, start, even=True), equal_nan=True)
+    assert even.shape[1] == (5 if lit else 3)
+    assert 0 < len(flat) < len(every)
+
+
 def test_the_view_goes_to_the_scanner_s_axes_and_back():
     _, view = viewed("disc-250")
     here = np.array([[0.01, -0.02]])
