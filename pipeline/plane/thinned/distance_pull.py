@@ -134,25 +134,35 @@ def _are_spaced(beams: _Beams) -> bool:
     least_m = float(own_m.min())
     if least_m < EVEN * float(np.median(own_m)):
         return False
-    return not any(
-        np.mean(_apart_m(at).min(axis=1) < NEARER * least_m) < NEARER_SHARE or _is_grid(at, least_m)
-        for at in (beams.points * [1.0, 1.0, 0.0], beams.met_m)
-    )
+    for at in (beams.points * [1.0, 1.0, 0.0], beams.met_m):
+        apart_m = _apart_m(at)
+        nearer = np.mean(apart_m.min(axis=1) < NEARER * least_m)
+        if nearer < NEARER_SHARE or _is_grid(at, apart_m, least_m):
+            return False
+    return True
 
 
 def _apart_m(points: Array) -> Array:
     """Return the distances (N, N) of points from each other, infinite from themselves."""
-    apart_m = np.linalg.norm(points[:, None] - points, axis=2)
+    apart_m = _distances(points, points)
     np.fill_diagonal(apart_m, np.inf)
-    return np.asarray(apart_m)
+    return apart_m
 
 
-def _is_grid(points: Array, least_m: float) -> bool:
+def _distances(one: Array, other: Array) -> Array:
+    """Return the distances (N, M) of points (N, 3) from others (M, 3)."""
+    square = np.zeros((len(one), len(other)))
+    for a, b in zip(one.T, other.T, strict=True):
+        square += (a[:, None] - b) ** 2
+    return np.sqrt(square)
+
+
+def _is_grid(points: Array, apart_m: Array, least_m: float) -> bool:
     """Return whether points (N, 3) on a plane have others opposite those nearest to them."""
     middle = np.linalg.norm(points - points.mean(axis=0), axis=1)
     inner = middle < np.quantile(middle, INNER)
-    across = 2.0 * points - points[np.argmin(_apart_m(points), axis=1)]
-    beside_m = np.linalg.norm(across[inner, None] - points, axis=2).min(axis=1)
+    across = 2.0 * points - points[np.argmin(apart_m, axis=1)]
+    beside_m = _distances(across[inner], points).min(axis=1)
     return bool(np.mean(beside_m < BESIDE * least_m) > OPPOSITE)
 
 
