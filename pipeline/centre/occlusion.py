@@ -91,7 +91,8 @@ class Visibility:
         """Count the points of the target; margin_m: from its edges."""
         raster = Raster.of(view.target.radius_m, CELL * view.spacing_m)
         uvw, _ = view.parts
-        counts = raster.counts(uvw[np.abs(uvw[:, 2]) < view.band_m, :2])
+        on_plane = np.abs(uvw[:, 2]) < view.band_m
+        counts = raster.counts(np.compress(on_plane, uvw[:, :2].T, axis=1).T)
         inside = view.target.region.shrunk(margin_m).holds(raster.middles_m).reshape(counts.shape)
         seen = counts[inside & (counts > 0)]
         return cls(raster, counts, inside, float(seen.mean()) if len(seen) else 1.0)
@@ -168,7 +169,7 @@ def clear_of_occluders(view: TargetView, margin_m: float, scanner_m: Array) -> P
 def _before(view: TargetView, side: float) -> list[Points]:
     """Return the points of face and surroundings (N, 3) that lie clearly on one side, -1 or 1."""
     clear_m = max(CLEAR_SIGMAS * view.plane.sigma_m, CLEAR_M)
-    return [uvw[side * uvw[:, 2] > clear_m] for uvw in view.parts]
+    return [np.compress(side * uvw[:, 2] > clear_m, uvw.T, axis=1).T for uvw in view.parts]
 
 
 def _surface(before: Image, every: Image, least: float) -> Mask:

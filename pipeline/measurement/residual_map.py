@@ -89,14 +89,14 @@ def map_about(
     """
     radius_m = target.radius_m
     half = REACH * radius_m
-    uvw = _local(patch, basis, centre_m)
-    u, v, _ = np.abs(uvw.T)
-    uvw = uvw[(u < half) & (v < half)]
-    column, row = ((uvw[:, axis] * sign + half) * (CELLS / (2 * half)) for axis, sign in _AXES)
+    uvw = _local(patch, basis, centre_m).T
+    within = (np.abs(uvw[0]) < half) & (np.abs(uvw[1]) < half)
+    u, v, w = np.compress(within, uvw, axis=1)
+    column, row = ((along + half) * (CELLS / (2 * half)) for along in (u, -v))  # row 0 at the top
     cell = row.astype(np.int32).clip(0, CELLS - 1) * CELLS
     cell += column.astype(np.int32).clip(0, CELLS - 1)
-    on_face = np.abs(uvw[:, 2]) < FACE_BAND * radius_m
-    cell_on, w_on = cell[on_face], uvw[on_face, 2]
+    on_face = np.abs(w) < FACE_BAND * radius_m
+    cell_on, w_on = cell[on_face], w[on_face]
     count = np.bincount(cell_on, minlength=CELLS**2)
     total = np.bincount(cell_on, w_on, minlength=CELLS**2)
     others = np.bincount(cell[~on_face], minlength=CELLS**2)
@@ -184,6 +184,3 @@ def _cell_centres(half_m: float) -> Array:
     ticks = (np.arange(CELLS) + 0.5) * (2.0 * half_m / CELLS) - half_m
     u, v = np.meshgrid(ticks, -ticks)
     return np.column_stack([u.ravel(), v.ravel()])
-
-
-_AXES = ((0, 1.0), (1, -1.0))  # columns run along u, rows down along v
