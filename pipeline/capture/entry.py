@@ -47,11 +47,16 @@ class ScanEntry:
     scan: Scan | None = field(default=None, repr=False, compare=False)
 
     @stage("read")
-    def read(self, length_unit: str, source: str, options: ReadOptions) -> Scan:
-        """Return the scan, read from its file unless it is in memory."""
+    def read(
+        self, length_unit: str, source: str, options: ReadOptions, in_place: bool = False
+    ) -> Scan:
+        """Return the scan, read from its file unless it is in memory; in_place: as of `read_scan`.
+
+        In its file, only passes by compiled kernels are as fast as in memory.
+        """
         if self.scan is not None:
             return self.scan
-        return read_scan(self.path, length_unit, source, options)
+        return read_scan(self.path, length_unit, source, options, in_place=in_place)
 
     @property
     @stage("read")

@@ -32,6 +32,7 @@ from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps, sc
 from .threads import over_chunks, over_items, side_by_side
 from .voxel_grid import (
     VoxelGrid,
+    all_within,
     box,
     voxel_key,
     voxels_without_strays,
@@ -52,6 +53,7 @@ __all__ = [
     "Steps",
     "VoxelGrid",
     "VoxelLattice",
+    "all_within",
     "box",
     "by_wheel",
     "cell_index",

@@ -32,6 +32,8 @@ def _array(kind: type[np.generic]) -> Any:
 DOUBLES, SINGLES, LONGS, INTS, HASHES, MARKS = map(
     _array, (np.float64, np.float32, np.int64, np.int32, np.uint64, np.bool_)
 )
+STEPPED = [ndpointer(np.float64), c_int64]
+POINTS = [*STEPPED, c_int64]
 COUNTED, SLAB, GRID = (
     [DOUBLES, c_int64],
     [DOUBLES, c_double, DOUBLES, c_double],
@@ -40,15 +42,16 @@ COUNTED, SLAB, GRID = (
 SIGNATURES: dict[str, tuple[list[Any], Any]] = {
     "source_digest": ([], ctypes.c_char_p),
     "hash": ([*COUNTED, HASHES], None),
-    "hash_rows": ([*COUNTED, c_uint64, LONGS, HASHES], c_int64),
-    "thin_rows": ([DOUBLES, INTS, c_int64, c_uint64, INTS], c_int64),
-    "widen": ([DOUBLES, *COUNTED], None),
-    "near_plane": ([*COUNTED, *[DOUBLES] * 4, INTS, INTS, LONGS], None),
-    "take": ([DOUBLES, DOUBLES, INTS, c_int64, DOUBLES], None),
-    "take_single": ([DOUBLES, DOUBLES, INTS, c_int64, SINGLES], None),
-    "slab_moments": ([*COUNTED, *SLAB, *COUNTED, *COUNTED, *GRID, DOUBLES, DOUBLES], c_int64),
-    "voxel_moments": ([*COUNTED, DOUBLES, c_double, LONGS, c_int64, DOUBLES], c_int64),
-    "in_voxels": ([*COUNTED, DOUBLES, c_double, LONGS, c_int64, MARKS], c_int64),
+    "hash_rows": ([*POINTS, c_uint64, LONGS, HASHES], c_int64),
+    "thin_rows": ([*STEPPED, INTS, c_int64, c_uint64, INTS], c_int64),
+    "all_within": ([*POINTS, c_double], c_int64),
+    "widen": ([DOUBLES, *POINTS], None),
+    "near_plane": ([*POINTS, *[DOUBLES] * 4, INTS, INTS, LONGS], None),
+    "take": ([*STEPPED, DOUBLES, INTS, c_int64, DOUBLES], None),
+    "take_single": ([*STEPPED, DOUBLES, INTS, c_int64, SINGLES], None),
+    "slab_moments": ([*POINTS, *SLAB, *COUNTED, *COUNTED, *GRID, DOUBLES, DOUBLES], c_int64),
+    "voxel_moments": ([*POINTS, DOUBLES, c_double, LONGS, c_int64, DOUBLES], c_int64),
+    "in_voxels": ([*POINTS, DOUBLES, c_double, LONGS, c_int64, MARKS], c_int64),
 }
 
 
@@ -68,7 +71,7 @@ def kernels() -> Kernels | None:
 
 
 class Kernels:
-    """Passes over points (N, 3), contiguous or copied to be so."""
+    """Passes over points (N, 3), each point contiguous, or all are copied to be so."""
 
     def __init__(self, library: ctypes.CDLL) -> None:
         self._library = library
@@ -82,19 +85,24 @@ class Kernels:
     def hash_rows(self, points: Array, limit: np.uint64) -> tuple[Rows, Hashes]:
         """Return the rows of points with hashes up to the limit, and the hashes."""
         rows, hashes = np.empty(len(points), np.int64), np.empty(len(points), np.uint64)
-        found = self._library.hash_rows(*_counted(points), int(limit), rows, hashes)
+        found = self._library.hash_rows(*_stepped(points), int(limit), rows, hashes)
         return rows[:found].copy(), hashes[:found].copy()
 
     def thin_rows(self, points: Array, limit: np.uint64, rows: ChunkRows) -> ChunkRows:
         """Return those rows of points with hashes up to the limit."""
         kept = np.empty_like(rows)
-        found = self._library.thin_rows(_plain(points), rows, len(rows), int(limit), kept)
+        table, step, _ = _stepped(points)
+        found = self._library.thin_rows(table, step, rows, len(rows), int(limit), kept)
         return kept[:found].copy()
+
+    def all_within(self, points: Array, limit: float) -> bool:
+        """Return whether all coordinates of points are finite and smaller than a limit."""
+        return bool(self._library.all_within(*_stepped(points), limit))
 
     def box(self, points: Array) -> Array:
         """Return the least and the greatest coordinates (2, 3) of points, at least one."""
         corners = np.stack([points[0], points[0]])
-        self._library.widen(corners, *_counted(points))
+        self._library.widen(corners, *_stepped(points))
         return corners
 
     def near_plane(
@@ -106,14 +114,15 @@ class Kernels:
         """
         rows, counts = np.empty((2, len(points)), np.int32), np.empty(2, np.int64)
         self._library.near_plane(
-            *_counted(points), _plain(centre), _plain(normal), face, around, *rows, counts
+            *_stepped(points), _plain(centre), _plain(normal), face, around, *rows, counts
         )
         return rows[0, : counts[0]].copy(), rows[1, : counts[1]].copy()
 
     def take(self, points: Array, centre: Array, rows: ChunkRows, out: Array | Array32) -> None:
         """Write those rows of points, relative to the centre, to out, of either precision."""
         take = self._library.take if out.dtype == np.float64 else self._library.take_single
-        take(_plain(points), _plain(centre), rows, len(rows), out)
+        table, step, _ = _stepped(points)
+        take(table, step, _plain(centre), rows, len(rows), out)
 
     def slab_moments(
         self,
@@ -132,7 +141,7 @@ class Kernels:
         sums, edge = np.zeros((across * across, 10)), np.empty((len(points), 3))
         region = (*_counted(sides), *_counted(holes))
         found = self._library.slab_moments(
-            *_counted(points), _plain(basis), height, np.array(limits), radius, *region, across,
+            *_stepped(points), _plain(basis), height, np.array(limits), radius, *region, across,
             side, sums, edge,
         )  # fmt: skip
         return sums, edge[:found].copy()
@@ -146,7 +155,7 @@ class Kernels:
         """
         keys, sums = np.full(capacity, -1, np.int64), np.zeros((capacity, 10))
         used = self._library.voxel_moments(
-            *_counted(points), _plain(low), edge, keys, capacity, sums
+            *_stepped(points), _plain(low), edge, keys, capacity, sums
         )
         filled = np.nonzero(keys >= 0)[0]
         return (keys[filled], sums[filled]) if used >= 0 else None
@@ -154,13 +163,20 @@ class Kernels:
     def in_voxels(self, points: Array, low: Array, edge: float, table: Rows) -> Mask:
         """Return which of points, all above low, lie within voxels of a hash table (capacity,)."""
         marked = np.empty(len(points), np.bool_)
-        self._library.in_voxels(*_counted(points), _plain(low), edge, table, len(table), marked)
+        self._library.in_voxels(*_stepped(points), _plain(low), edge, table, len(table), marked)
         return marked
 
 
 def _plain(values: Array) -> Array:
     """Return values as a contiguous array in double precision, itself where it is one."""
     return np.ascontiguousarray(values, np.float64)
+
+
+def _stepped(points: Array) -> tuple[Array, int, int]:
+    """Return points, the bytes from one to the next, and their number; each point is contiguous."""
+    if points.dtype != np.float64 or points.strides[1] != points.itemsize:
+        points = _plain(points)
+    return points, points.strides[0], len(points)
 
 
 def _counted(rows: Array) -> tuple[Array, int]:

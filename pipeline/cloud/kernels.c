@@ -2,7 +2,8 @@
 
    compiled.py holds their signatures. Each has a fallback in numpy, in selection.py, moments.py or
    voxel_grid.py, which defines what it does. Arrays are contiguous; points are rows of x, y, z in
-   double precision. Nothing is allocated and nothing but memory is read, so that threads may call
+   double precision, `step` bytes from one to the next, perhaps records of a file, not aligned to
+   anything. Nothing is allocated and nothing but memory is read, so that threads may call
    them at once. No fused multiply-adds (-ffp-contract=off): every processor gives the same bits.
 
    Points are copied in pieces to a buffer that stays in the first cache, and computed on there: a
@@ -19,7 +20,7 @@
 #endif
 #define EXPORT __attribute__((visibility("default")))
 
-enum { PIECE = 1024 /* points: 24 kB */, SUMS = 10 };
+enum { PIECE = 1024 /* points: 24 kB */, POINT = 3 * sizeof(double), SUMS = 10 };
 
 static const double ROUNDED = 1.5 * 4503599627370496.0 / 1048576.0; /* as selection.ROUNDED */
 
@@ -29,10 +30,16 @@ EXPORT const char *source_digest(void) { return SOURCE_DIGEST; }
 static int64_t smaller(int64_t a, int64_t b) { return a < b ? a : b; }
 
 /* Copy points from a row on to a piece; return how many. */
-static int64_t read_piece(const double *points, int64_t count, int64_t start, double *piece)
+static int64_t read_piece(const char *points, int64_t step, int64_t count, int64_t start,
+                          double *piece)
 {
     int64_t rows = smaller(PIECE, count - start);
-    memcpy(piece, points + 3 * start, 3 * (size_t)rows * sizeof(double));
+    points += step * start;
+    if (step == POINT)
+        memcpy(piece, points, (size_t)rows * POINT);
+    else
+        for (int64_t i = 0; i < rows; i++)
+            memcpy(piece + 3 * i, points + step * i, POINT);
     return rows;
 }
 
@@ -57,14 +64,14 @@ EXPORT WIDE void hash(const double *points, int64_t count, uint64_t *hashes)
 }
 
 /* Write rows of points with hashes up to the limit, and the hashes; return how many. */
-EXPORT int64_t hash_rows(const double *points, int64_t count, uint64_t limit, int64_t *rows,
-                         uint64_t *hashes)
+EXPORT int64_t hash_rows(const char *points, int64_t step, int64_t count, uint64_t limit,
+                         int64_t *rows, uint64_t *hashes)
 {
     double piece[3 * PIECE];
     uint64_t of_piece[PIECE];
     int64_t found = 0;
     for (int64_t start = 0; start < count; start += PIECE) {
-        int64_t n = read_piece(points, count, start, piece);
+        int64_t n = read_piece(points, step, count, start, piece);
         hash(piece, n, of_piece);
         for (int64_t i = 0; i < n; i++)
             if (of_piece[i] <= limit) {
@@ -76,8 +83,8 @@ EXPORT int64_t hash_rows(const double *points, int64_t count, uint64_t limit, in
 }
 
 /* Write those of ascending rows of points with hashes up to the limit; return how many. */
-EXPORT int64_t thin_rows(const double *points, const int32_t *rows, int64_t count, uint64_t limit,
-                         int32_t *kept)
+EXPORT int64_t thin_rows(const char *points, int64_t step, const int32_t *rows, int64_t count,
+                         uint64_t limit, int32_t *kept)
 {
     double piece[3 * PIECE];
     uint64_t of_piece[PIECE];
@@ -85,7 +92,7 @@ EXPORT int64_t thin_rows(const double *points, const int32_t *rows, int64_t coun
     for (int64_t start = 0; start < count; start += PIECE) {
         int64_t n = smaller(PIECE, count - start);
         for (int64_t i = 0; i < n; i++)
-            memcpy(piece + 3 * i, points + 3 * (int64_t)rows[start + i], 3 * sizeof(double));
+            memcpy(piece + 3 * i, points + step * rows[start + i], POINT);
         hash(piece, n, of_piece);
         for (int64_t i = 0; i < n; i++) {
             kept[found] = rows[start + i];
@@ -95,12 +102,27 @@ EXPORT int64_t thin_rows(const double *points, const int32_t *rows, int64_t coun
     return found;
 }
 
-/* Widen a box, its least and greatest coordinates (2, 3), to hold points. */
-EXPORT WIDE void widen(double *corners, const double *points, int64_t count)
+/* Return whether all coordinates are finite and smaller than a limit. */
+EXPORT WIDE int64_t all_within(const char *points, int64_t step, int64_t count, double limit)
 {
     double piece[3 * PIECE];
     for (int64_t start = 0; start < count; start += PIECE) {
-        int64_t n = read_piece(points, count, start, piece);
+        int64_t n = read_piece(points, step, count, start, piece);
+        int64_t outside = 0;
+        for (int64_t i = 0; i < 3 * n; i++)
+            outside |= !(fabs(piece[i]) < limit);
+        if (outside)
+            return 0;
+    }
+    return 1;
+}
+
+/* Widen a box, its least and greatest coordinates (2, 3), to hold points. */
+EXPORT WIDE void widen(double *corners, const char *points, int64_t step, int64_t count)
+{
+    double piece[3 * PIECE];
+    for (int64_t start = 0; start < count; start += PIECE) {
+        int64_t n = read_piece(points, step, count, start, piece);
         for (int64_t i = 0; i < n; i++)
             for (int k = 0; k < 3; k++) {
                 double x = piece[3 * i + k];
@@ -134,7 +156,7 @@ WIDE static void mark(const double *points, int64_t count, const double *centre,
 /* Write rows of points in `face` to on_face, other ones in `around` to beside; counts: of each.
 
    Without branches: points in random order would be mispredicted. */
-EXPORT void near_plane(const double *points, int64_t count, const double *centre,
+EXPORT void near_plane(const char *points, int64_t step, int64_t count, const double *centre,
                        const double *normal, slab face, slab around, int32_t *on_face,
                        int32_t *beside, int64_t *counts)
 {
@@ -142,7 +164,7 @@ EXPORT void near_plane(const double *points, int64_t count, const double *centre
     uint8_t marks[PIECE];
     int64_t faces = 0, besides = 0;
     for (int64_t start = 0; start < count; start += PIECE) {
-        int64_t n = read_piece(points, count, start, piece);
+        int64_t n = read_piece(points, step, count, start, piece);
         mark(piece, n, centre, normal, face, around, marks);
         for (int64_t i = 0; i < n; i++) {
             on_face[faces] = beside[besides] = (int32_t)(start + i);
@@ -155,21 +177,27 @@ EXPORT void near_plane(const double *points, int64_t count, const double *centre
 }
 
 /* Write those rows of points, relative to the centre, to out. */
-EXPORT void take(const double *points, const double *centre, const int32_t *rows, int64_t count,
-                 double *out)
+EXPORT void take(const char *points, int64_t step, const double *centre, const int32_t *rows,
+                 int64_t count, double *out)
 {
-    for (int64_t j = 0; j < count; j++)
+    double point[3];
+    for (int64_t j = 0; j < count; j++) {
+        memcpy(point, points + step * rows[j], POINT);
         for (int k = 0; k < 3; k++)
-            out[3 * j + k] = points[3 * (int64_t)rows[j] + k] - centre[k];
+            out[3 * j + k] = point[k] - centre[k];
+    }
 }
 
 /* The same in single precision. */
-EXPORT void take_single(const double *points, const double *centre, const int32_t *rows,
-                        int64_t count, float *out)
+EXPORT void take_single(const char *points, int64_t step, const double *centre,
+                        const int32_t *rows, int64_t count, float *out)
 {
-    for (int64_t j = 0; j < count; j++)
+    double point[3];
+    for (int64_t j = 0; j < count; j++) {
+        memcpy(point, points + step * rows[j], POINT);
         for (int k = 0; k < 3; k++)
-            out[3 * j + k] = (float)(points[3 * (int64_t)rows[j] + k] - centre[k]);
+            out[3 * j + k] = (float)(point[k] - centre[k]);
+    }
 }
 
 /* Add one point to sums, in the order of moments.sums_by. */
@@ -197,15 +225,15 @@ static int64_t cell_of(double x, double side, int64_t across)
 
    basis: rows u, v, w. Points between both limits go to edge (N, 3); returns how many. sides: rows
    (a, b, c), a u + b v < c; holes: rows (u, v, radius); side: a cell's. */
-EXPORT int64_t slab_moments(const double *points, int64_t count, const double *basis, double height,
-                            const double *limits, double radius, const double *sides,
+EXPORT int64_t slab_moments(const char *points, int64_t step, int64_t count, const double *basis,
+                            double height, const double *limits, double radius, const double *sides,
                             int64_t side_count, const double *holes, int64_t hole_count,
                             int64_t across, double side, double *sums, double *edge)
 {
     double piece[3 * PIECE];
     int64_t found = 0;
     for (int64_t start = 0; start < count; start += PIECE) {
-        int64_t n = read_piece(points, count, start, piece);
+        int64_t n = read_piece(points, step, count, start, piece);
         for (int64_t i = 0; i < n; i++) {
             double x = piece[3 * i], y = piece[3 * i + 1], z = piece[3 * i + 2];
             double w = basis[6] * x + basis[7] * y + basis[8] * z;
@@ -263,13 +291,13 @@ static inline int64_t slot_of(const int64_t *keys, int64_t mask, int64_t key)
 
    keys: (capacity,) a power of two. Returns the number of voxels, or -1 where three quarters of the
    table are used. The key before is kept: neighbours in a file mostly share a voxel. */
-EXPORT int64_t voxel_moments(const double *points, int64_t count, const double *low, double edge,
-                             int64_t *keys, int64_t capacity, double *sums)
+EXPORT int64_t voxel_moments(const char *points, int64_t step, int64_t count, const double *low,
+                             double edge, int64_t *keys, int64_t capacity, double *sums)
 {
     double piece[3 * PIECE], place[3];
     int64_t used = 0, last = -2, slot = 0;
     for (int64_t start = 0; start < count; start += PIECE) {
-        int64_t n = read_piece(points, count, start, piece);
+        int64_t n = read_piece(points, step, count, start, piece);
         for (int64_t i = 0; i < n; i++) {
             int64_t key = voxel_of(piece + 3 * i, low, 1.0 / edge, place);
             if (key != last) {
@@ -290,14 +318,14 @@ EXPORT int64_t voxel_moments(const double *points, int64_t count, const double *
 }
 
 /* Mark points, all above low, within voxels of a table of keys; return how many. */
-EXPORT int64_t in_voxels(const double *points, int64_t count, const double *low, double edge,
-                         const int64_t *keys, int64_t capacity, uint8_t *marked)
+EXPORT int64_t in_voxels(const char *points, int64_t step, int64_t count, const double *low,
+                         double edge, const int64_t *keys, int64_t capacity, uint8_t *marked)
 {
     double piece[3 * PIECE], place[3];
     int64_t found = 0, last = -2;
     uint8_t inside = 0;
     for (int64_t start = 0; start < count; start += PIECE) {
-        int64_t n = read_piece(points, count, start, piece);
+        int64_t n = read_piece(points, step, count, start, piece);
         for (int64_t i = 0; i < n; i++) {
             int64_t key = voxel_of(piece + 3 * i, low, 1.0 / edge, place);
             if (key != last) {

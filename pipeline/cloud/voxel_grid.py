@@ -66,6 +66,20 @@ def box(points_m: Array) -> Array:
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
 
+def all_within(points_m: Array, limit_m: float) -> bool:
+    """Return whether all coordinates of points_m (N, 3) are finite and smaller than a limit."""
+    compiled = kernels()
+
+    def are(chunk: slice) -> bool:
+        part = points_m[chunk]
+        if compiled is not None:
+            return compiled.all_within(part, limit_m)
+        least, most = (extreme.reduce(part, axis=None) for extreme in (np.minimum, np.maximum))
+        return bool(most < limit_m and least > -limit_m)  # a NaN is neither
+
+    return all(over_chunks(are, len(points_m)))
+
+
 def _reduced(extreme: np.ufunc, points_m: Array) -> Array:
     """Return the least or greatest coordinates; wide rows reduce faster than three columns."""
     wide = len(points_m) // _WIDE * _WIDE

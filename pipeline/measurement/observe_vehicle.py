@@ -91,7 +91,7 @@ def targets_of_cloud(
     Raises InputError when it is unreadable, or cannot be the scan of a vehicle.
     """
     progress(f"{cloud.file}: reading")
-    scan = cloud.read(capture.length_unit, source, capture.reading)
+    scan = cloud.read(capture.length_unit, source, capture.reading, in_place=True)
     check_poses(scan.parts, source)
     hint = capture.hints.get("vehicle")
     within = boxed(scan, hint, source)

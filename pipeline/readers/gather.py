@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from ..system import frozen
+from ..cloud import all_within
+from ..system import frozen, lent
 from ..units import to_metres
 from ..vectors import Array, Array32, Mask
 from .faults import fault
@@ -80,7 +81,7 @@ class Placer:
         """
         count = _fill(rows, block)
         pose = self._poses[block.part] if self._poses else None
-        if block.invalid is None and pose is None and _is_usual(rows.points[:count]):
+        if block.invalid is None and pose is None and are_usual(rows.points[:count]):
             kept = count
             to_metres(rows.points[:kept], self._unit)
         else:
@@ -104,7 +105,7 @@ class Placer:
 
     def _valid(self, points: Array) -> Mask | None:
         """Return the mask of the rows that hold a point; None when all do."""
-        if _is_usual(points):
+        if are_usual(points):
             return None
         missing = ~np.isfinite(points)
         huge = ~missing & (np.abs(points) > MAX_COORDINATE_M)
@@ -121,11 +122,9 @@ class Placer:
             )
 
 
-def _is_usual(points: Array) -> bool:
-    """Return whether all coordinates are finite and within any site; a NaN fails both tests."""
-    return not len(points) or bool(
-        points.max() < MAX_COORDINATE_M and points.min() > -MAX_COORDINATE_M
-    )
+def are_usual(points: Array) -> bool:
+    """Return whether all coordinates are finite and within any site."""
+    return all_within(points, MAX_COORDINATE_M)
 
 
 def _fill(rows: PointRows, block: Block) -> int:
@@ -144,17 +143,25 @@ def silent(_done: int, _total: int) -> None:
 
 
 def gather(
-    cloud: RawCloud, source: Source, length_unit: str, progress: RowProgress = silent
+    cloud: RawCloud,
+    source: Source,
+    length_unit: str,
+    progress: RowProgress = silent,
+    in_place: bool = False,
 ) -> Scan:
     """Fill the arrays block by block, drop invalid points, apply the poses, scale to metres.
 
     Points that mark missing returns (see missing.py) are dropped as invalid ones are.
-    progress: called with the number of rows read and the total. Raises InputError for a coordinate
-    beyond any site, and when no point is left.
+    progress: called with the number of rows read and the total. in_place: whether the points may
+    lie in the file itself, where it holds them as they are returned. Raises InputError for a
+    coordinate beyond any site, and when no point is left.
     """
     if cloud.rows == 0:
         raise fault(source, "it declares 0 points")
     check_memory(cloud.rows, PointRows.row_bytes(cloud), source)
+    if in_place and length_unit == "m" and (scan := _scan_in_place(cloud, source)):
+        progress(cloud.rows, cloud.rows)
+        return scan
     all_rows = PointRows.room(cloud.rows, cloud)
     placer = Placer(cloud, source, length_unit)
     kept, held = 0, [0] * len(cloud.parts)
@@ -187,6 +194,24 @@ def gather(
         parts=_parts(cloud, held, length_unit),
         is_mesh=cloud.is_mesh,
     )
+
+
+def _scan_in_place(cloud: RawCloud, source: Source) -> Scan | None:
+    """Return the points where the file holds them, mapped into memory; None where some are invalid.
+
+    None as well where the file holds them in another form, or the system does not lend it.
+    """
+    if cloud.record is None or (content := lent(source.stream)) is None:
+        return None
+    table = np.frombuffer(content, cloud.record, cloud.rows, source.stream.tell())
+    points_m = table["xyz"]
+    if not are_usual(points_m):
+        return None
+    if cloud.may_mark and find_markers(points_m[rows_looked_at(0, cloud.rows, cloud.rows)]):
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        intensity = np.asarray(table["intensity"], np.float32) if cloud.has_intensity else None
+    return Scan(points_m, intensity, source.name, invalid_points=0, is_mesh=cloud.is_mesh)
 
 
 def _parts(cloud: RawCloud, held: list[int], length_unit: str) -> tuple[Part, ...]:

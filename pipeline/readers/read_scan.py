@@ -88,6 +88,7 @@ def read_scan(
     *,
     sample: int | None = None,
     progress: RowProgress = silent,
+    in_place: bool = False,
 ) -> Scan:
     """Read a point cloud, plain, compressed, or the only one in a zip or tar; whole or not at all.
 
@@ -96,10 +97,12 @@ def read_scan(
     options: what the user states of the file.
     sample: of a mesh, this many points of its surface instead of its vertices.
     progress: called with the number of rows read so far and the total.
+    in_place: whether the points may lie in the file itself, read-only, each contiguous but not all
+    of them; until they are freed, others wait who open it for writing.
     Raises InputError, one line, when the file is not exactly what it declares.
     """
     with open_cloud(path, length_unit, name, options, sample) as (cloud, source):
-        return gather(cloud, source, length_unit, progress)
+        return gather(cloud, source, length_unit, progress, in_place)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any, TextIO, cast
 
+import numpy as np
 import numpy.typing as npt
 
 from ..system import frozen
@@ -88,7 +89,8 @@ class RawCloud:
 
     rows: includes invalid points. parts: empty when the format has no parts. unit: of length, if
     the file states one. is_mesh: whether the points are the corners of a mesh, not returns.
-    may_mark: whether some of them may mark missing returns.
+    may_mark: whether some of them may mark missing returns. record: of a file of nothing but
+    `rows` points from where its stream stands, the fields `xyz`, doubles, and `intensity` of each.
     """
 
     rows: int
@@ -99,6 +101,7 @@ class RawCloud:
     unit: str | None = None
     is_mesh: bool = False
     may_mark: bool = True
+    record: np.dtype[Any] | None = None
 
 
 @frozen

@@ -8,6 +8,7 @@ from .folders import sync_folder
 from .frozen import frozen
 from .lazily import loader
 from .locks import acquire
+from .mapping import lent
 from .memory import (
     free_bytes,
     give_back,
@@ -44,6 +45,7 @@ __all__ = [
     "give_way",
     "hold_freed",
     "inherits_descriptors",
+    "lent",
     "loader",
     "machine_bytes",
     "memory_file",

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.support.paths import ROOT
-from wheelplane.cloud import compiled, selection
+from wheelplane.cloud import all_within, compiled, selection, voxel_grid
 from wheelplane.cloud.compiled import kernels
 from wheelplane.cloud.moments import sums_by
 from wheelplane.cloud.selection import coordinate_hash
@@ -23,9 +23,14 @@ EPS = np.finfo(float).eps
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="kernels need a C compiler")
 
 
-@pytest.fixture(scope="module")
-def points():
-    return np.random.default_rng(3).uniform(-1.0, 1.0, (COUNT, 3))
+@pytest.fixture(scope="module", params=["one after the other", "in records of 28 bytes"])
+def points(request):
+    own = np.random.default_rng(3).uniform(-1.0, 1.0, (COUNT, 3))
+    if request.param == "one after the other":
+        return own
+    records = np.zeros(COUNT, np.dtype([("shade", "f4"), ("xyz", "f8", 3)]))
+    records["xyz"] = own
+    return records["xyz"]
 
 
 def hashes_in_numpy(points, monkeypatch):
@@ -63,6 +68,20 @@ def test_rows_kept_are_those_with_hashes_up_to_the_limit(points, every):
 def test_a_box_holds_all_points_of_the_last_piece_too(points, count):
     few = points[:count] + np.array([7.0, -3.0, 0.0])
     np.testing.assert_array_equal(kernels().box(few), [few.min(axis=0), few.max(axis=0)])
+
+
+@pytest.mark.parametrize("count", [0, 1, PIECE, PIECE + 1, COUNT])
+def test_points_within_a_limit_are_finite_and_smaller(points, count, monkeypatch):
+    few = points[:count]
+    wrong = [np.nan, np.inf, -np.inf, 2.0, -2.0]
+    outside = [few.copy() for _ in wrong]
+    for k, cloud in enumerate(outside):
+        cloud[count - 1 :, k % 3] = wrong[k]
+    for compiled_here in (True, False):
+        if not compiled_here:
+            monkeypatch.setattr(voxel_grid, "kernels", lambda: None)
+        assert all_within(few, 2.0)
+        assert [all_within(cloud, 2.0) for cloud in outside] == [count == 0] * len(wrong)
 
 
 @pytest.mark.parametrize("lay", [np.asfortranarray, lambda p: np.repeat(p, 2, axis=0)[::2]])

@@ -16,6 +16,7 @@ from wheelplane.readers.gather import PointRows, apply_pose, checked_pose, gathe
 from wheelplane.readers.memory import check_memory
 from wheelplane.readers.scan import Part, Scan
 from wheelplane.readers.source import Block, RawCloud, RawPart
+from wheelplane.system import mapping
 
 COUNT = 23
 RNG = np.random.default_rng(4)
@@ -43,6 +44,58 @@ def cloud(cuts, parts):
         for a, b in pairwise(edges)
     ]
     return RawCloud(COUNT, True, iter(blocks), has_grid=True, parts=parts)
+
+
+def plain(table):
+    """Records of x, y, z and an intensity between others' fields, as a cloud and as its bytes."""
+    xyz, shade = (np.ascontiguousarray(table[name]) for name in ("xyz", "intensity"))
+    blocks = iter([Block(tuple(xyz.T), shade)])
+    return RawCloud(len(table), True, blocks, record=table.dtype), table.tobytes()
+
+
+def records(shade="<f4"):
+    kind = np.dtype(
+        {
+            "names": ["xyz", "intensity"],
+            "formats": [("<f8", 3), shade],
+            "offsets": [2, 27],
+            "itemsize": 37,
+        }
+    )
+    table = np.zeros(COUNT, kind)
+    table["xyz"], table["intensity"] = RNG.normal(0.0, 5.0, (COUNT, 3)), 100.0 * SHADE
+    return table
+
+
+@pytest.mark.parametrize("shade", ["<f4", "<f8", "u1"])
+def test_points_in_their_file_are_those_that_are_read(tmp_path, shade):
+    cloud, content = plain(records(shade))
+    with opened(tmp_path, content) as source:
+        placed = gather(cloud, source, "m", in_place=True)
+        read = gather(cloud, source, "m")
+    if hasattr(mapping.fcntl, "F_SETLEASE"):
+        assert placed.points_m.strides == (37, 8)
+        assert not placed.points_m.flags.writeable
+    assert placed.intensity.dtype == np.float32
+    for name in ("points_m", "intensity"):
+        np.testing.assert_array_equal(getattr(placed, name), getattr(read, name))
+    assert (placed.invalid_points, placed.source) == (0, read.source)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30, -9999.0])
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_points_that_need_any_work_are_read(tmp_path, value, unit):
+    """Invalid ones are dropped, marks of missing returns as well; other units are converted."""
+    table = records()
+    table["xyz"][:12] = value
+    for in_place in (True, False):
+        cloud, content = plain(table)
+        with opened(tmp_path, content) as source:
+            scan = gather(cloud, source, unit, in_place=in_place)
+        assert scan.invalid_points == 12
+        expected = table["xyz"][12:] * (1.0 if unit == "m" else 1e-3)
+        np.testing.assert_allclose(scan.points_m, expected, rtol=1e-15)
+        assert scan.points_m.flags.c_contiguous
 
 
 def scan_of(folder, cuts, parts, unit="m"):

@@ -7,6 +7,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import field
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ...errors import InputError
 from ...system import frozen
 from ..faults import fault, too_long, too_many, too_short
 from ..parsing.ascii import table_blocks
-from ..parsing.binary import record_blocks
+from ..parsing.binary import point_record, record_blocks
 from ..parsing.columns import find_layout
 from ..parsing.lines import Lines, count_lines
 from ..source import Block, Layout, RawCloud, Source, shown
@@ -31,14 +32,23 @@ def read_ply(source: Source) -> RawCloud:
         layout = find_layout([prop.name for prop in vertex.properties])
     except ValueError as error:
         raise fault(source, str(error)) from None
-    read = _binary if header.order else _ascii
-    blocks = read(header, layout, source)
     others = (*header.before, *header.after)
     joined = any(element.count for element in others if element.name in _FACES)
-    return RawCloud(vertex.count, layout.has_intensity, blocks, unit=layout.unit, is_mesh=joined)
+    read = _binary if header.order else _ascii
+    blocks, record = read(header, layout, source)
+    return RawCloud(
+        vertex.count,
+        layout.has_intensity,
+        blocks,
+        unit=layout.unit,
+        is_mesh=joined,
+        record=record,
+    )
 
 
-def _binary(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block]:
+def _binary(
+    header: PlyHeader, layout: Layout, source: Source
+) -> tuple[Iterator[Block], np.dtype[Any] | None]:
     vertex = header.vertex
     skip_elements(source, header.before, header.order)
     start = source.stream.tell()
@@ -52,16 +62,17 @@ def _binary(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block
     source.stream.seek(start)
     offsets = [0, *accumulate(prop.size for prop in vertex.properties)][:-1]
     formats = [header.order + prop.form for prop in vertex.properties]
-    return record_blocks(source, vertex.count, formats, offsets, vertex.itemsize, layout)
+    blocks = record_blocks(source, vertex.count, formats, offsets, vertex.itemsize, layout)
+    return blocks, point_record(formats, offsets, vertex.itemsize, layout)
 
 
-def _ascii(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block]:
+def _ascii(header: PlyHeader, layout: Layout, source: Source) -> tuple[Iterator[Block], None]:
     before, after = _rows(header.before), _rows(header.after)
     count = header.vertex.count
     lines = count_lines(source)
     if lines < before + count:
         raise too_short(source, count, max(0, lines - before), "vertices")
-    return _ascii_blocks(header, layout, source, before, after)
+    return _ascii_blocks(header, layout, source, before, after), None
 
 
 def _ascii_blocks(

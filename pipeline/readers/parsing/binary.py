@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,27 @@ def record_blocks(
         read_exactly(source, memoryview(buffer)[: wanted * itemsize])
         yield layout.block_of([column[:wanted] for column in columns])
         done += wanted
+
+
+def point_record(
+    formats: Sequence[str], offsets: Sequence[int], itemsize: int, layout: Layout
+) -> np.dtype[Any] | None:
+    """Return the fields `xyz` (3,) and `intensity` of such records, for use where they lie.
+
+    None where x, y, z are no doubles of this machine, one behind the other, or colours stand for
+    the intensity.
+    """
+    x, y, z = (offsets[index] for index in layout.xyz)
+    double = np.dtype(np.float64)
+    if any(np.dtype(formats[k]) != double for k in layout.xyz) or (y, z) != (x + 8, x + 16):
+        return None
+    fields: dict[str, tuple[Any, int]] = {"xyz": ((double, 3), x)}
+    if layout.intensity is not None:
+        fields["intensity"] = formats[layout.intensity], offsets[layout.intensity]
+    elif layout.colour:
+        return None
+    kinds, starts = zip(*fields.values(), strict=True)
+    return np.dtype({"names": [*fields], "formats": kinds, "offsets": starts, "itemsize": itemsize})
 
 
 def read_exactly(source: Source, into: memoryview) -> None:
