@@ -32,6 +32,7 @@ def _array(kind: type[np.generic]) -> Any:
 DOUBLES, SINGLES, LONGS, INTS, HASHES, MARKS = map(
     _array, (np.float64, np.float32, np.int64, np.int32, np.uint64, np.bool_)
 )
+TABLE = [INTS, c_int64]
 STEPPED = [ndpointer(np.float64), c_int64]
 POINTS = [*STEPPED, c_int64]
 COUNTED, SLAB, GRID = (
@@ -50,7 +51,7 @@ SIGNATURES: dict[str, tuple[list[Any], Any]] = {
     "take": ([*STEPPED, DOUBLES, INTS, c_int64, DOUBLES], None),
     "take_single": ([*STEPPED, DOUBLES, INTS, c_int64, SINGLES], None),
     "slab_moments": ([*POINTS, *SLAB, *COUNTED, *COUNTED, *GRID, DOUBLES, DOUBLES], c_int64),
-    "voxel_moments": ([*POINTS, DOUBLES, c_double, LONGS, c_int64, DOUBLES], c_int64),
+    "voxel_moments": ([*POINTS, DOUBLES, c_double, *TABLE, LONGS, *COUNTED], c_int64),
     "in_voxels": ([*POINTS, DOUBLES, c_double, LONGS, c_int64, MARKS], c_int64),
 }
 
@@ -151,14 +152,15 @@ class Kernels:
     ) -> tuple[Rows, Array] | None:
         """Return keys (C,) and sums (C, 10) of the voxels of points, all above low.
 
-        None where they fill more than three quarters of the capacity, a power of two.
+        None where they are more than three quarters of the capacity, a power of two.
         """
-        keys, sums = np.full(capacity, -1, np.int64), np.zeros((capacity, 10))
+        room = 3 * capacity // 4
+        slots, keys = np.full(capacity, -1, np.int32), np.empty(room, np.int64)
+        sums = np.empty((room, 10))
         used = self._library.voxel_moments(
-            *_stepped(points), _plain(low), edge, keys, capacity, sums
+            *_stepped(points), _plain(low), edge, slots, capacity, keys, *_counted(sums)
         )
-        filled = np.nonzero(keys >= 0)[0]
-        return (keys[filled], sums[filled]) if used >= 0 else None
+        return (keys[:used], sums[:used]) if used >= 0 else None
 
     def in_voxels(self, points: Array, low: Array, edge: float, table: Rows) -> Mask:
         """Return which of points, all above low, lie within voxels of a hash table (capacity,)."""

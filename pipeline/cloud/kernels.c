@@ -20,7 +20,7 @@
 #endif
 #define EXPORT __attribute__((visibility("default")))
 
-enum { PIECE = 1024 /* points: 24 kB */, POINT = 3 * sizeof(double), SUMS = 10 };
+enum { PIECE = 1024 /* points: 24 kB */, POINT = 3 * sizeof(double), SUMS = 10, VOXEL_BITS = 21 };
 
 static const double ROUNDED = 1.5 * 4503599627370496.0 / 1048576.0; /* as selection.ROUNDED */
 
@@ -265,71 +265,121 @@ EXPORT int64_t slab_moments(const char *points, int64_t step, int64_t count, con
     return found;
 }
 
-/* A voxel's number of a point above low, as voxel_grid.voxel_key, and the point's place in it. */
-static inline int64_t voxel_of(const double *point, const double *low, double per_edge,
-                               double *place)
+/* Voxels of the points of a piece: keys as voxel_grid.voxel_key, and the points relative to the
+   middle of theirs, axis by axis. */
+typedef struct {
+    int64_t key[PIECE];
+    double offset[3][PIECE];
+} voxels;
+
+/* Find the voxels of points, all above low and below 2^VOXEL_BITS voxels. */
+WIDE static void find_voxels(const double *points, int64_t count, const double *low, double edge,
+                             voxels *found)
 {
-    int64_t index[3];
+    const double per_edge = 1.0 / edge;
+    memset(found->key, 0, sizeof found->key);
     for (int k = 0; k < 3; k++) {
-        place[k] = (point[k] - low[k]) * per_edge;
-        index[k] = (int64_t)place[k];
-        place[k] -= (double)index[k];
+        double *offset = found->offset[k], least = low[k];
+        for (int64_t i = 0; i < count; i++)
+            offset[i] = points[3 * i + k];
+        for (int64_t i = 0; i < count; i++) {
+            double place = (offset[i] - least) * per_edge;
+            int32_t index = (int32_t)place;
+            offset[i] = (place - (double)index - 0.5) * edge;
+            found->key[i] = found->key[i] << VOXEL_BITS | index;
+        }
     }
-    return index[0] << 42 | index[1] << 21 | index[2];
 }
 
-/* Find the slot of a key in a table with linear probing, -1 where free, or the free one for it. */
-static inline int64_t slot_of(const int64_t *keys, int64_t mask, int64_t key)
+/* Add points first to last of a piece, all of one voxel, to its sums. */
+static inline void add_run(double *cell, const voxels *of, int64_t first, int64_t last)
 {
-    int64_t slot = (int64_t)((uint64_t)key * 0x9E3779B97F4A7C15u >> 32) & mask;
-    while (keys[slot] != key && keys[slot] != -1)
-        slot = (slot + 1) & mask;
-    return slot;
+    double n = cell[0], sx = cell[1], sy = cell[2], sz = cell[3], xx = cell[4], xy = cell[5];
+    double yy = cell[6], xz = cell[7], yz = cell[8], zz = cell[9];
+    for (int64_t i = first; i < last; i++) {
+        double x = of->offset[0][i], y = of->offset[1][i], z = of->offset[2][i];
+        n += 1.0;
+        sx += x;
+        sy += y;
+        sz += z;
+        xx += x * x;
+        xy += x * y;
+        yy += y * y;
+        xz += x * z;
+        yz += y * z;
+        zz += z * z;
+    }
+    const double sums[SUMS] = {n, sx, sy, sz, xx, xy, yy, xz, yz, zz};
+    memcpy(cell, sums, sizeof sums);
 }
 
-/* Add points, all above low, to the sums (capacity, 10) of their voxels, about the middle of each.
+/* Return where the search for a key in a hash table begins. */
+static inline int64_t slot_of(int64_t key, int64_t mask)
+{
+    return (int64_t)((uint64_t)key * 0x9E3779B97F4A7C15u >> 32) & mask;
+}
 
-   keys: (capacity,) a power of two. Returns the number of voxels, or -1 where three quarters of the
-   table are used. The key before is kept: neighbours in a file mostly share a voxel. */
+/* Add points, all above low, to the sums (room, 10) of their voxels, about the middle of each.
+
+   keys: (room,) of the voxels, in the order in which they appear. slots: (capacity,) a hash table
+   with linear probing, a power of two: the row of a voxel, -1 where free. Returns the number of
+   voxels, or -1 where there is no more room. Neighbours in a file mostly share a voxel, whose sums
+   stay in registers. */
 EXPORT int64_t voxel_moments(const char *points, int64_t step, int64_t count, const double *low,
-                             double edge, int64_t *keys, int64_t capacity, double *sums)
+                             double edge, int32_t *slots, int64_t capacity, int64_t *keys,
+                             double *sums, int64_t room)
 {
-    double piece[3 * PIECE], place[3];
-    int64_t used = 0, last = -2, slot = 0;
+    double piece[3 * PIECE];
+    voxels of;
+    int64_t used = 0, mask = capacity - 1;
     for (int64_t start = 0; start < count; start += PIECE) {
         int64_t n = read_piece(points, step, count, start, piece);
-        for (int64_t i = 0; i < n; i++) {
-            int64_t key = voxel_of(piece + 3 * i, low, 1.0 / edge, place);
-            if (key != last) {
-                slot = slot_of(keys, capacity - 1, key);
-                if (keys[slot] == -1) {
-                    if (4 * used >= 3 * capacity)
-                        return -1;
-                    keys[slot] = key;
-                    used++;
-                }
-                last = key;
+        find_voxels(piece, n, low, edge, &of);
+        for (int64_t i = 0; i < n;) {
+            int64_t key = of.key[i], slot = slot_of(key, mask);
+            while (slots[slot] != -1 && keys[slots[slot]] != key)
+                slot = (slot + 1) & mask;
+            if (slots[slot] == -1) {
+                if (used == room)
+                    return -1;
+                keys[used] = key;
+                memset(sums + SUMS * used, 0, SUMS * sizeof(double));
+                slots[slot] = (int32_t)used++;
             }
-            add(sums + SUMS * slot, (place[0] - 0.5) * edge, (place[1] - 0.5) * edge,
-                (place[2] - 0.5) * edge);
+            int64_t first = i;
+            while (i < n && of.key[i] == key)
+                i++;
+            add_run(sums + SUMS * (int64_t)slots[slot], &of, first, i);
         }
     }
     return used;
 }
 
-/* Mark points, all above low, within voxels of a table of keys; return how many. */
+/* A voxel's number of a point, as voxel_grid.voxel_key. */
+static inline int64_t voxel_of(const double *point, const double *low, double per_edge)
+{
+    int64_t index[3];
+    for (int k = 0; k < 3; k++)
+        index[k] = (int64_t)((point[k] - low[k]) * per_edge);
+    return index[0] << 2 * VOXEL_BITS | index[1] << VOXEL_BITS | index[2];
+}
+
+/* Mark points, all above low, within voxels of a hash table of keys; return how many. */
 EXPORT int64_t in_voxels(const char *points, int64_t step, int64_t count, const double *low,
                          double edge, const int64_t *keys, int64_t capacity, uint8_t *marked)
 {
-    double piece[3 * PIECE], place[3];
-    int64_t found = 0, last = -2;
+    double piece[3 * PIECE];
+    int64_t found = 0, last = -2, mask = capacity - 1;
     uint8_t inside = 0;
     for (int64_t start = 0; start < count; start += PIECE) {
         int64_t n = read_piece(points, step, count, start, piece);
         for (int64_t i = 0; i < n; i++) {
-            int64_t key = voxel_of(piece + 3 * i, low, 1.0 / edge, place);
+            int64_t key = voxel_of(piece + 3 * i, low, 1.0 / edge);
             if (key != last) {
-                inside = keys[slot_of(keys, capacity - 1, key)] == key;
+                int64_t slot = slot_of(key, mask);
+                while (keys[slot] != -1 && keys[slot] != key)
+                    slot = (slot + 1) & mask;
+                inside = keys[slot] == key;
                 last = key;
             }
             marked[start + i] = inside;
