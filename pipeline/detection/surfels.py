@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..cloud import EXACT, Steps, VoxelGrid, voxel_key
+from ..cloud import EXACT, Steps, VoxelGrid, over_chunks, voxel_key
 from ..system import frozen
 from ..vectors import Array, Rows
 
 MIN_IN_VOXEL = 5  # points, the least for a plane
 BEND, MOST_BEND = np.radians([5.0, 20.0])  # between neighbours of one surface, and with noise
-_HALF_OF_NEIGHBOURS = tuple(
-    (i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)
-)
+CACHED = 8192  # voxels whose planes are fitted at once
+# From a voxel to the lowest one that touches it in each column, and how many lie above each other.
+_NEIGHBOURS = (((0, 0, 1), 1), *(((i, j, -1), 3) for i, j in ((0, 1), (1, -1), (1, 0), (1, 1))))
 
 
 @frozen(eq=False)
@@ -45,45 +45,56 @@ def find_surfels(voxels: VoxelGrid, thickness_m: float, steps: Steps = EXACT) ->
     rougher than its neighbours; across a step of the coordinates, it is not.
     """
     row = np.nonzero(voxels.sums[:, 0] >= MIN_IN_VOXEL)[0]
-    centroid, normal, spread = planes_of(voxels.sums[row])
+    centroid, normal, spread = _planes(voxels, row)
     flat = (spread[:, 0] < thickness_m) & (spread[:, 1] > 0.1 * voxels.edge_m)
     flat &= spread[:, 0] < 0.5 * spread[:, 1]
     row, centroid, normal = row[flat], centroid[flat], normal[flat]
     centroid = centroid + voxels.middle_m[row]
-    pairs = _neighbours(voxels.index[row])
-    one, other = pairs.T
+    of_step = _neighbours(voxels.key[row])
     dof = voxels.sums[row, 0] - 3.0
     sigma = spread[flat, 0] * np.sqrt((dof + 3.0) / dof)
-    noise, across = _local_noise(sigma, pairs), steps.across(normal)
+    noise, across = _local_noise(sigma, of_step), steps.across(normal)
     floor = np.maximum(0.05 * thickness_m, 0.5 * across)
     smooth = sigma < (1.6 + 1.5 / np.sqrt(dof)) * noise + floor
-    limit = 2.5 * np.minimum(noise[one], noise[other])
-    limit += 3.0 * np.maximum(floor[one], floor[other])
     slope = noise * np.sqrt(12.0 / voxels.sums[row, 0]) / voxels.edge_m
     slope = np.maximum(slope, across / voxels.edge_m)
-    bend = np.minimum(BEND + 2.5 * np.hypot(slope[one], slope[other]), MOST_BEND)
-    joined = np.abs(np.einsum("ij,ij->i", normal[one], normal[other])) > np.cos(bend)
-    joined &= smooth[one] & smooth[other]
-    apart = centroid[other] - centroid[one]
-    for axis in (normal[one], normal[other]):
-        joined &= np.abs(np.einsum("ij,ij->i", apart, axis)) < limit
-    return Surfels(
-        voxels, row, centroid, normal, _surfaces(len(row), pairs[joined]), voxels.sums[row, 0]
-    )
+
+    def joined(pairs: Rows) -> Rows:
+        one, other = pairs[:, smooth[pairs].all(axis=0)]
+        limit = 2.5 * np.minimum(noise[one], noise[other])
+        limit += 3.0 * np.maximum(floor[one], floor[other])
+        bend = np.minimum(BEND + 2.5 * np.hypot(slope[one], slope[other]), MOST_BEND)
+        axes, apart = (normal[one], normal[other]), centroid[other] - centroid[one]
+        alike = np.abs(np.einsum("ij,ij->i", *axes)) > np.cos(bend)
+        for axis in axes:
+            alike &= np.abs(np.einsum("ij,ij->i", apart, axis)) < limit
+        return np.stack([one[alike], other[alike]], axis=1)
+
+    pairs = np.concatenate([joined(pairs) for pairs in of_step])
+    return Surfels(voxels, row, centroid, normal, _surfaces(len(row), pairs), voxels.sums[row, 0])
 
 
-def _local_noise(sigma_m: Array, pairs: Rows) -> Array:
+def _planes(voxels: VoxelGrid, row: Rows) -> tuple[Array, Array, Array]:
+    """Return `planes_of` the points in these voxels, so many at once as stay in the cache."""
+    parts = over_chunks(lambda part: planes_of(voxels.sums[row[part]]), len(row), CACHED)
+    centroid, normal, spread = zip(*(parts or [planes_of(voxels.sums[:0])]), strict=True)
+    return np.concatenate(centroid), np.concatenate(normal), np.concatenate(spread)
+
+
+def _local_noise(sigma_m: Array, of_step: list[Rows]) -> Array:
     """Return the lower third (S,) of the noise of each surfel and its neighbours.
 
-    Not the median, for a step may pass through many neighbours.
+    Not the median, for a step may pass through many neighbours. of_step: as of `_neighbours`.
     """
-    each = np.arange(len(sigma_m))
-    about = np.concatenate([each, pairs[:, 0], pairs[:, 1]])
-    value = sigma_m[np.concatenate([each, pairs[:, 1], pairs[:, 0]])].astype(np.float32)
-    sorted_by_both = np.sort(about << 32 | value.view(np.int32))  # positive floats sort as integers
-    size = np.bincount(about, minlength=len(sigma_m))
-    third = sorted_by_both[np.cumsum(size) - size + (size - 1) // 3]
-    return np.asarray((third & 0xFFFFFFFF).astype(np.int32).view(np.float32), dtype=float)
+    own = sigma_m.astype(np.float32)
+    about = np.full((len(own), 1 + 2 * len(of_step)), np.inf, np.float32)
+    about[:, 0] = own
+    for k, (one, other) in enumerate(of_step, start=1):
+        about[one, k] = own[other]
+        about[other, -k] = own[one]
+    size = np.count_nonzero(about < np.inf, axis=1)
+    about.sort(axis=1)
+    return np.asarray(about[np.arange(len(own)), (size - 1) // 3], dtype=float)
 
 
 def planes_of(sums: Array) -> tuple[Array, Array, Array]:
@@ -128,16 +139,19 @@ def planes_of(sums: Array) -> tuple[Array, Array, Array]:
     return centroid, normal, spread
 
 
-def _neighbours(index: Rows) -> Rows:
-    """Return pairs (P, 2) of rows of index (S, 3), sorted by key, whose voxels touch."""
-    key = voxel_key(index)
+def _neighbours(key: Rows) -> list[Rows]:
+    """Return the pairs (2, P) of rows of sorted keys (S,) whose voxels touch, for each step."""
+    ended, of_axes = np.append(key, -1), voxel_key(np.eye(3, dtype=np.int64))
     pairs = []
-    for step in np.array(_HALF_OF_NEIGHBOURS) @ voxel_key(np.eye(3, dtype=np.int64)):
-        wanted = key + step
-        found = np.searchsorted(key, wanted).clip(0, max(len(key) - 1, 0))
-        there = np.nonzero(key[found] == wanted)[0] if len(key) else found[:0]
-        pairs.append(np.stack([there, found[there]], axis=1))
-    return np.concatenate(pairs)
+    for lowest, levels in _NEIGHBOURS:
+        wanted = key + np.dot(lowest, of_axes)
+        found = np.searchsorted(key, wanted)
+        for level in range(levels):
+            touches = ended[found] == wanted + level
+            there = np.nonzero(touches)[0]
+            pairs.append(np.stack([there, found[there]]))
+            found += touches
+    return pairs
 
 
 def _surfaces(count: int, pairs: npt.NDArray[np.int64]) -> Rows:

@@ -7,9 +7,16 @@ import pytest
 
 from tests.support.scenes import WHEEL, make, rotation
 from wheelplane.cloud.moments import sums_by
-from wheelplane.cloud.voxel_grid import box, voxel_moments
+from wheelplane.cloud.voxel_grid import box, voxel_key, voxel_moments
 from wheelplane.detection.hypotheses import hypotheses, joined
-from wheelplane.detection.surfels import find_surfels, planes_of
+from wheelplane.detection.surfels import (
+    CACHED,
+    _local_noise,
+    _neighbours,
+    _planes,
+    find_surfels,
+    planes_of,
+)
 from wheelplane.targets.plates import DiscTarget
 
 DISC = DiscTarget(shape="disc", diameter=0.25)
@@ -48,6 +55,30 @@ def test_planes_of_a_point_and_of_a_line_are_finite():
     both = np.concatenate([np.ones((8, 3)), line])
     answers = planes_of(sums_by(np.repeat([0, 1], 8), both, 2))
     assert all(np.isfinite(part).all() for part in answers)
+
+
+@pytest.mark.parametrize(("count", "side"), [(0, 5), (1, 5), (40, 5), (300, 7), (343, 7)])
+def test_noise_is_the_lower_third_of_that_of_the_voxels_that_touch(count, side):
+    rng = np.random.default_rng(count)
+    key = np.sort(rng.choice(side**3, count, replace=False))
+    index = np.stack(np.unravel_index(key, (side,) * 3), axis=1) + 1
+    sigma = rng.uniform(1.0, 2.0, count).astype(np.float32).astype(float)
+    of_step = _neighbours(voxel_key(index))
+    apart = np.abs(index[:, None] - index).max(axis=2)
+    found = {tuple(pair) for pairs in of_step for pair in pairs.T.tolist()}
+    assert found == {(i, j) for i, j in np.argwhere(apart == 1).tolist() if i < j}
+    thirds = [np.sort(sigma[near])[(np.sum(near) - 1) // 3] for near in apart <= 1]
+    np.testing.assert_array_equal(_local_noise(sigma, of_step), thirds)
+
+
+def test_planes_are_those_of_all_voxels_at_once_and_none_of_none():
+    points = np.random.default_rng(1).uniform(0.0, 1.0, (60_000, 3))
+    voxels = voxel_moments(points, np.full(3, -EDGE), EDGE)
+    row = np.arange(0, len(voxels.key), 2)
+    assert len(row) > CACHED
+    for rows in (row, row[:0]):
+        for part, whole in zip(_planes(voxels, rows), planes_of(voxels.sums[rows]), strict=True):
+            np.testing.assert_allclose(part, whole, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))
