@@ -24,7 +24,7 @@ UNKNOWN = 1 << 62
 MAPPED, DATA = 0, 5  # columns of /proc/self/statm, proc(5)
 # Parameters of mallopt(3) and their values: free memory at the top of the heap that is kept, and
 # size from which an array is mapped on its own.
-HELD = {-1: 128 << 20, -3: 16 << 20}
+HELD = {-1: 64 << 20, -3: 4 << 20}
 
 
 def machine_bytes() -> int:

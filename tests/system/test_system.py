@@ -102,7 +102,7 @@ import numpy as np
 from wheelplane.system import hold_freed
 
 def arrays():
-    kept = [np.ones(1_000_000) for _ in range(4)]
+    kept = [np.ones(400_000) for _ in range(9)]
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
 
 if sys.argv[1:]:
@@ -114,7 +114,7 @@ print([arrays() for _ in range(10)][-1] - first)
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="it gives memory back in its own way")
 def test_memory_that_was_freed_serves_the_arrays_that_follow():
-    """Four of 8 MB, ten times: without it each page of theirs is new."""
+    """Nine of 3 MB, ten times: without it each page of theirs is new."""
     plain, held = (
         int(subprocess.check_output([sys.executable, "-c", NEW_PAGES, *given], text=True))
         for given in ([], ["held"])
