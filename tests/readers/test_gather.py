@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from tests.support.leases import are_given
 from tests.support.sources import opened
 from wheelplane.errors import InputError
 from wheelplane.readers import memory
@@ -16,7 +17,6 @@ from wheelplane.readers.gather import PointRows, apply_pose, checked_pose, gathe
 from wheelplane.readers.memory import check_memory
 from wheelplane.readers.scan import Part, Scan
 from wheelplane.readers.source import Block, RawCloud, RawPart
-from wheelplane.system import mapping
 
 COUNT = 23
 RNG = np.random.default_rng(4)
@@ -73,7 +73,7 @@ def test_points_in_their_file_are_those_that_are_read(tmp_path, shade):
     with opened(tmp_path, content) as source:
         placed = gather(cloud, source, "m", in_place=True)
         read = gather(cloud, source, "m")
-    if hasattr(mapping.fcntl, "F_SETLEASE"):
+    if are_given():
         assert placed.points_m.strides == (37, 8)
         assert not placed.points_m.flags.writeable
     assert placed.intensity.dtype == np.float32

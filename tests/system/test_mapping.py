@@ -10,13 +10,12 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.support.leases import are_given
 from wheelplane.system import mapping
 
 WRITER = "import sys; open(sys.argv[1], 'wb').write(b'new')"
 WAITS_S = 0.3
-lending = pytest.mark.skipif(
-    not hasattr(mapping.fcntl, "F_SETLEASE"), reason="no leases on this system"
-)
+lending = pytest.mark.skipif(not are_given(), reason="no leases on this system")
 
 
 @pytest.fixture
