@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..capture import Capture, ScanEntry, Searched, searched
-from ..cloud import sample
+from ..cloud import Steps, coordinate_steps, sample
 from ..config import Config, SegmentConfig
 from ..detection import Candidate, candidate_near, check_best, find_candidates, patch_of, rivals
 from ..diagnostics import check_poses, check_wheel_scan
@@ -65,13 +65,13 @@ def _explain_scan(entry: ScanEntry, capture: Capture, config: Config) -> Explain
         return replace(found, status="not-read", reason=str(error))
     hint = capture.hints.get(entry.name)
     found = with_region(found, hint)
+    axes = scan.parts[0].axes if len(scan.parts) == 1 else None
     try:
         within = searched(scan, hint, source)
     except InputError as error:
-        search = (target, config.segment, config.seed)
+        search = (target, config.segment, config.seed, coordinate_steps(scan.points_m, axes=axes))
         outside = _outside(Searched(scan, scan, hint), 0, search)
         return replace(found, status="not-read", reason=str(error), candidates=outside)
-    axes = scan.parts[0].axes if len(scan.parts) == 1 else None
     if isinstance(target, WheelTarget):
         return _bare(found, within, target, config)
     return _searched(found, within, axes, target, config)
@@ -95,8 +95,8 @@ def _searched(
     config: Config,
 ) -> ExplainedScan:
     """Add the candidates, their verdicts, and the residuals about the best one."""
-    search = (target, config.segment, config.seed)
     near_m, points_m, used = within.near_m, within.points.points_m, within.used
+    search = (target, config.segment, config.seed, coordinate_steps(points_m, axes=axes))
     candidates: list[Candidate] = []
     patch = None
     try:
@@ -123,7 +123,7 @@ def _searched(
 
 
 def _outside(
-    within: Searched, shown: int, search: tuple[Target, SegmentConfig, int]
+    within: Searched, shown: int, search: tuple[Target, SegmentConfig, int, Steps]
 ) -> tuple[ExplainedCandidate, ...]:
     """Return the candidates outside the region that was drawn, numbered after those shown."""
     if not within.by_region or isinstance(search[0], WheelTarget):

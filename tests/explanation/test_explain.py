@@ -28,7 +28,7 @@ from wheelplane.capture import CaptureOptions, open_capture
 from wheelplane.commands.options import three_numbers
 from wheelplane.config import Config, SegmentConfig
 from wheelplane.detection import Candidate, rivals
-from wheelplane.errors import InputError
+from wheelplane.errors import InputError, NotMeasuredError
 from wheelplane.explanation.explain import explain_capture
 from wheelplane.explanation.explain_cloud import SAMPLE
 from wheelplane.explanation.records import (
@@ -46,9 +46,11 @@ from wheelplane.report.explanation import write_explanation
 from wheelplane.report.format.language import load_translations
 from wheelplane.targets import load_target
 from wheelplane.units import LENGTH_UNITS, in_metres
+from wheelplane.wheel import find_patch
 from wheelplane_synth.output.files import ply
 
 RAISED_M = 0.55
+COARSE_M = 0.014  # steps of coordinates
 SAME_U = 0.35  # of the same points, with a second target above them that turns no normal
 
 
@@ -401,6 +403,27 @@ def test_the_point_of_a_candidate_is_its_centre(unit, centre_m):
     np.testing.assert_allclose(given, np.array(centre_m) / in_metres(1.0, unit), atol=0.51 * place)
     assert "-0," not in f"{text},"
     assert text.startswith("0.2,-3.1,0") or (unit, centre_m[0]) != ("m", 0.2)
+
+
+def test_a_scan_in_coarse_steps_is_explained_as_it_is_measured(plain, tmp_path, monkeypatch):
+    """Points on steps beside the target's plane are its own, for the search and what it shows."""
+    folder = tmp_path / "car"
+    shutil.copytree(plain, folder)
+    points, intensity = read_ply(folder / "fr.ply")
+    points = np.rint(points / COARSE_M) * COARSE_M
+    (folder / "fr.ply").write_bytes(ply(points, intensity))
+    patch = find_patch(points, load_target("disc-250"), Config())
+
+    def refused(*_):
+        raise NotMeasuredError("no-outline", "as the search alone is of interest")
+
+    monkeypatch.setattr("wheelplane.explanation.explain.fit_target", refused)
+    with open_capture(folder, "disc-250") as capture:
+        (one,) = (entry for entry in capture.entries if entry.name == "FR")
+        (found,) = explain_capture(replace(capture, entries=(one,)), Config()).scans
+    assert found.status == "no-outline"
+    assert found.candidates[0].candidate.match == patch.match
+    check_shown(found)
 
 
 def test_an_unreadable_scan_is_explained_beside_the_others(plain, tmp_path):
