@@ -36,7 +36,7 @@ def spacing_m(summary: ScanSummary) -> float | None:
     rank[order] = np.arange(len(order))
     ordered = centred[order]
     median = float(np.median([_nearest_m(ordered, axis, int(rank[query])) for query in chosen]))
-    if summary.stride == 1:
+    if len(summary.sample_m) == summary.points:
         return median
     return median / math.sqrt(math.log(2.0) / math.pi) / math.sqrt(summary.points / len(sample))
 

@@ -136,6 +136,16 @@ def test_spacing_of_a_raster_is_found_from_a_sample(tmp_path, count, spacing):
     assert 0.9 < spacing_m(survey) / spacing < 1.6
 
 
+def test_spacing_of_few_points_is_the_same_among_many_missing_returns(tmp_path):
+    """They are all in the sample, however many rows the file declares."""
+    points = raster(60, 0.004)
+    plain = summarise_scan(ply(tmp_path / "a.ply", points), "m")
+    missing = np.vstack([points, np.full((3 * SAMPLE, 3), np.nan)])
+    survey = summarise_scan(ply(tmp_path / "b.ply", missing), "m")
+    assert survey.stride > 1
+    assert spacing_m(survey) == pytest.approx(spacing_m(plain), rel=0.1)
+
+
 def test_a_sample_is_all_that_is_kept(tmp_path):
     survey = summarise_scan(ply(tmp_path / "a.ply", raster(900, 0.001)), "m")
     assert survey.points == 810_000
