@@ -23,9 +23,14 @@ def spacing_m(summary: ScanSummary) -> float | None:
     """Estimate the distance of neighbours on the scanned surfaces from the sample, metres.
 
     Points thinned at random are a Poisson process of density d on a surface, whose median distance
-    to the nearest is sqrt(ln 2 / (pi d)); a file's own points are a raster of spacing 1 / sqrt(d).
+    to the nearest is sqrt(ln 2 / (pi d)); a file's own points are a raster of spacing 1 / sqrt(d),
+    of which a sixth is enough that most of them still have a neighbour at it. Points in the places
+    of others count once.
     """
-    sample = summary.near_sample_m
+    sample, places = summary.near_sample_m, float(summary.points)
+    if distinct := _distinct(summary):
+        sample = np.unique(sample, axis=0)
+        places *= distinct / len(summary.keys)
     if len(sample) < 2:
         return None
     chosen = np.random.default_rng(0).permutation(len(sample))[:QUERIES]
@@ -36,9 +41,8 @@ def spacing_m(summary: ScanSummary) -> float | None:
     rank[order] = np.arange(len(order))
     ordered = centred[order]
     median = float(np.median([_nearest_m(ordered, axis, int(rank[query])) for query in chosen]))
-    if len(summary.sample_m) == summary.points:
-        return median
-    return median / math.sqrt(math.log(2.0) / math.pi) / math.sqrt(summary.points / len(sample))
+    poisson = math.sqrt(math.log(2.0) / math.pi)
+    return min(median, median / poisson / math.sqrt(places / len(sample)))
 
 
 def _nearest_m(ordered: Array, axis: int, at: int) -> float:
@@ -109,12 +113,17 @@ def _steps(summary: ScanSummary) -> str:
 
 
 def _duplicates(summary: ScanSummary) -> str:
-    keys = len(summary.keys)
-    repeated = keys - len(np.unique(summary.keys))
-    if not repeated:
+    distinct = _distinct(summary)
+    if not distinct:
         return ""
     about = "" if summary.stride == 1 else "about "
-    return f"{about}{repeated * summary.stride} duplicate points"
+    return f"{about}{(len(summary.keys) - distinct) * summary.stride} duplicate points"
+
+
+def _distinct(summary: ScanSummary) -> int:
+    """Return how many of the keys differ; 0 where all do."""
+    distinct = len(np.unique(summary.keys))
+    return distinct if distinct < len(summary.keys) else 0
 
 
 def _origin(summary: ScanSummary) -> str:
