@@ -178,7 +178,7 @@ def _find_floor(centroid: Array, normal: Array) -> Floor:
     bins = np.floor(height / FLOOR_BIN_M).astype(int)
     count = np.bincount(bins - bins.min())
     lowest_bin = int(np.argmax(count > FLOOR_SHARE * count.max())) + int(bins.min())
-    near = np.abs(height - (lowest_bin + 0.5) * FLOOR_BIN_M) < 2.0 * FLOOR_BIN_M
+    near = np.abs(height - np.median(height[bins == lowest_bin])) < FLOOR_BIN_M
     for _ in range(3):
         middle = own[near].mean(axis=0)
         up = np.linalg.svd(own[near] - middle, full_matrices=False)[2][2]

@@ -6,7 +6,7 @@ import pytest
 from tests.support.round_wheels import angle_between, vehicle_points, wheel_points
 from wheelplane.errors import NotMeasuredError
 from wheelplane.wheel.find_axis import find_axis
-from wheelplane.wheel.find_wheels import find_wheels
+from wheelplane.wheel.find_wheels import _find_floor, find_wheels
 
 CENTRES = [(x, y, 0.32) for x in (0.0, 2.6) for y in (-0.75, 0.75)]
 LEVEL = [np.array([0.0, np.sign(y), 0.0]) for _, y, _ in CENTRES]
@@ -107,6 +107,23 @@ def test_each_wheel_is_taken_from_the_scan_that_shows_it_best():
     found = find_wheels(np.concatenate(parts), None, bounds, stations)
     assert [patch.part for patch in found] == [int(p.origin_m[1] < 0.0) for p in found]
     assert all(patch.station is not None for patch in found)
+
+
+@pytest.mark.parametrize("raised_mm", range(60, 160, 5))
+def test_the_floor_is_the_lowest_surface_although_a_platform_stands_on_it(raised_mm):
+    """Whatever the platform's height, and that of the cloud's origin."""
+    rng = np.random.default_rng(10)
+    place = rng.uniform((-4.0, -3.0), (4.0, 3.0), (10_000, 2))
+    above = np.all(np.abs(place) < (3.0, 2.0), axis=1)
+    pieces = np.column_stack(
+        [place, raised_mm * 1e-3 * above + rng.normal(0.0, 0.0005, len(place))]
+    )
+    normals = np.array([0.0, 0.0, 1.0]) + rng.normal(0.0, 0.03, pieces.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for origin_m in (0.0, 0.01, 0.024, 0.037):
+        floor = _find_floor(pieces + np.array([0.0, 0.0, origin_m]), normals)
+        height_m = floor.height_m(np.array([[x, y, origin_m] for x in (-4, 4) for y in (-3, 3)]))
+        np.testing.assert_allclose(height_m, 0.0, atol=1e-3)
 
 
 def test_a_cloud_without_a_floor_is_refused():
