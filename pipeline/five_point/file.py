@@ -106,7 +106,7 @@ def read_five_point(
     up_z = _up_z(blocks_m, order, source)
     if angle_unit is None:
         return FivePointFile(blocks_m, source, digest, _note_if_upside_down(up_z), order)
-    sense = _upright_sense(up_z, azimuth, source)
+    sense = _upright_sense(up_z, azimuth, order, source)
     if sense == "counterclockwise":
         blocks_m = np.ascontiguousarray(blocks_m[..., [1, 0, 2]])
     return FivePointFile(blocks_m, source, digest, _note_of_sense(sense, azimuth), order)
@@ -305,7 +305,15 @@ def _up_z(blocks_m: Array, order: Sequence[int], source: str) -> float:
     try:
         return float(build_reference_frame(centres[:4]).up[2])
     except InputError as error:
-        raise InputError(f"{source}: lines 1-20: {error}") from None
+        raise InputError(f"{source}: {_lines_of_the_frame(order)}: {error}") from None
+
+
+def _lines_of_the_frame(order: Sequence[int]) -> str:
+    """Return the lines of the first four blocks of an order, as in messages."""
+    blocks = sorted(order[:4])
+    if blocks[3] - blocks[0] == 3:
+        return f"lines {5 * blocks[0] + 1}-{5 * blocks[3] + 5}"
+    return "lines " + ", ".join(f"{5 * block + 1}-{5 * block + 5}" for block in blocks)
 
 
 def _note_if_upside_down(up_z: float) -> tuple[str, ...]:
@@ -314,15 +322,15 @@ def _note_if_upside_down(up_z: float) -> tuple[str, ...]:
     return (Doubt(UPSIDE_DOWN, z=f"{up_z:.3f}", names=ORDER),)
 
 
-def _upright_sense(up_z: float, azimuth: str, source: str) -> str:
+def _upright_sense(up_z: float, azimuth: str, order: Sequence[int], source: str) -> str:
     """Return the sense of azimuth that leaves the vehicle upright; up_z is for clockwise.
 
     The two senses are mirror images in x = y, and up, a cross product, changes sign with them.
     """
     if abs(up_z) < MIN_UPRIGHT_COSINE:
         raise InputError(
-            f"{source}: lines 1-20: the vehicle lies on its side (up . z = {up_z:.3f}) with either "
-            f"sense of azimuth: check the order {ORDER} and --angle-unit"
+            f"{source}: {_lines_of_the_frame(order)}: the vehicle lies on its side (up . z = "
+            f"{up_z:.3f}) with either sense of azimuth: check the order {ORDER} and --angle-unit"
         )
     sense = "clockwise" if up_z > 0 else "counterclockwise"
     if azimuth not in ("auto", sense):

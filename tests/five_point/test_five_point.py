@@ -581,6 +581,23 @@ def test_decimal_commas_between_commas_are_refused(tmp_path):
         read_five_point(path)
 
 
+@pytest.mark.parametrize(
+    ("order", "lines"),
+    [
+        ([4, 5, 7, 6, 0, 1], "lines 21-40"),
+        ([5, 4, 6, 7], "lines 21-40"),
+        ([4, 1, 7, 6], "lines 6-10, 21-25, 31-35, 36-40"),
+    ],
+)
+def test_blocks_in_a_stated_order_are_named_by_their_own_lines(tmp_path, order, lines):
+    """The file has the four trials of the sample first, and an axle named from left to right."""
+    rows = (PAPER / "figure-4.txt").read_text().splitlines()
+    path = tmp_path / "points.txt"
+    path.write_text("\n".join(rows[20:40] + rows[:20]) + "\n")
+    with pytest.raises(InputError, match=f"{lines}: the front axle .* runs against"):
+        read_five_point(path, arrange=lambda _: order)
+
+
 def test_axles_in_one_place_are_refused(tmp_path):
     """Wheelbases of 0.3 m, with tracks of a vehicle."""
     path, blocks = tmp_path / "five.txt", figure_4()
