@@ -110,7 +110,8 @@ def _searched(
             check_best(candidates, target, config.segment)
     except NotMeasuredError as error:
         found = replace(found, status=error.status, reason=str(error))
-    judged = _judged(candidates, found.status, target, config.segment, is_chosen=near_m is not None)
+    is_chosen = near_m is not None and found.status == "ok"
+    judged = _judged(candidates, found.status, target, config.segment, is_chosen=is_chosen)
     found = replace(found, candidates=judged + _outside(within, len(judged), search))
     if not candidates:
         return found
@@ -162,19 +163,22 @@ def _judged(
     *,
     is_chosen: bool,
 ) -> tuple[ExplainedCandidate, ...]:
-    """Return the candidates with the verdict on each, best match first."""
+    """Return the candidates with the verdict on each, best match first.
+
+    is_chosen: whether a person chose the first.
+    """
     judged: list[ExplainedCandidate] = []
     for number, one in enumerate(candidates[:MOST_SHOWN], 1):
         best = candidates[0]
         apart_m = float(np.linalg.norm(one.centre_m - best.centre_m))
         standing: Standing = "refused"
         finding: Finding
-        if number == 1 and is_chosen and status == "ok":
+        if number == 1 and is_chosen:
             standing, finding = "chosen", "chosen_by_hand"
         elif one.match < config.min_match:
             finding = "no_outline"
         elif number == 1:
-            standing, finding = "rival" if status == "ambiguous-target" else "chosen", "outline"
+            standing, finding = "chosen" if status == "ok" else "rival", "outline"
         elif not is_chosen and rivals(best, one, target, config):
             standing, finding = "rival", "outline_too"
         else:

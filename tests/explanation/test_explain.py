@@ -316,7 +316,9 @@ def test_a_point_beside_all_planes_is_refused(doubled, measured, away_m, message
     point = moved(measured, "FL", 0.0, 0.0, -away_m)
     with pytest.raises(InputError, match=message):
         measurement(doubled, hints={"FL": point})
-    assert explained(doubled, hints={"FL": point})["FL"].status in message
+    found = explained(doubled, hints={"FL": point})["FL"]
+    assert found.status in message
+    assert [one.standing for one in found.candidates] == ["rival", "rival"]
 
 
 def test_named_wheels_of_a_cloud_are_those_of_single_scans(whole, measured):
