@@ -12,7 +12,7 @@ from ..system import frozen
 from ..vehicle import REFERENCE_WHEELS
 from .registry import Target, load_target
 
-OF_A_WHEEL = re.compile(r",(?=\w+=)")  # before the name of a wheel
+OF_A_WHEEL = re.compile(rf",(?=\w+=)|,\s+(?=(?:{'|'.join(REFERENCE_WHEELS)})=)")  # before its name
 
 
 @frozen

@@ -12,7 +12,9 @@ from wheelplane.targets.registry import DiscTarget, WheelTarget
     [
         ("disc-250", "disc-250", {}),
         ("disc-250,FR=wheel,FL=wheel", "disc-250", {"FR": "wheel", "FL": "wheel"}),
+        ("disc-250, FR=wheel,\tFL=wheel", "disc-250", {"FR": "wheel", "FL": "wheel"}),
         ("RR=wheel", None, {"RR": "wheel"}),
+        ("my discs, k=1.toml", "my discs, k=1.toml", {}),
         ("a,b.toml,RL=c,d.toml", "a,b.toml", {"RL": "c,d.toml"}),
         ("k=1/disc.toml", "k=1/disc.toml", {}),
     ],
