@@ -59,7 +59,8 @@ class AxleLine:
         self, index: int, targets: Sequence[FoundTarget], found: Sequence[tuple[Ends, Ends]]
     ) -> AxleLine:
         """Return the first two of several groups, from the end that has a target, by its index."""
-        for two in (self.groups[:2], self.groups[:-3:-1]) if len(self.groups) > 2 else ():
+        back = tuple(group[::-1] for group in reversed(self.groups))
+        for two in (self.groups[:2], back[:2]) if len(self.groups) > 2 else ():
             if index in chain.from_iterable(two[0]):
                 return _measured(targets, two, found)
         return self

@@ -7,6 +7,7 @@ import pytest
 
 from tests.support.scenes import rotation
 from wheelplane.detection.axle_lines import axle_lines
+from wheelplane.detection.identify_wheels import find_axles
 from wheelplane.detection.vehicles import RIVAL, FoundTarget, vehicles
 
 
@@ -49,3 +50,18 @@ def test_vehicles_are_the_same_under_any_motion_in_any_order(name):
         for line in again:
             places = [moved[axle[0]].centre_m @ R[:, 0] for axle in line.axles]
             assert places in (sorted(places), sorted(places, reverse=True))
+
+
+@pytest.mark.parametrize(
+    ("axles_m", "front_m", "measured_m"),
+    [((0.0, 4.0, 5.2, 9.6), -1.0, (0.0, 4.0)), ((0.0, 2.7, 7.5, 8.3), 9.0, (2.7, 7.5))],
+)
+def test_the_axles_at_one_end_are_the_same_in_any_order(axles_m, front_m, measured_m):
+    """A lorry and its trailer, without a gap: of a tandem, the axle nearest to the other end."""
+    targets = [end for x in axles_m for end in axle(x)]
+    front = np.array([front_m, 0.0, 0.3])
+    rng = np.random.default_rng(5)
+    for _ in range(8):
+        some = [targets[i] for i in rng.permutation(len(targets))]
+        found = find_axles(some, 0.125, near_front_m=front, bodied=lambda *_: True)
+        assert sorted(found.centres_m(some)[:, 0, 0]) == list(measured_m)
