@@ -37,10 +37,12 @@ from wheelplane.library import Alignment
 from wheelplane.report.format.earlier import read_earlier
 from wheelplane.report.format.view import PAPER as PRINTED
 from wheelplane.report.format.writer import NONE
+from wheelplane.report.html.provenance import wheel_facts
 from wheelplane.report.json.measurement import to_json
 from wheelplane.report.plots.drawing import Text
 from wheelplane.report.plots.top_view import top_drawing
 from wheelplane.report.tables.vehicle import axes_table, vehicle_table
+from wheelplane.report.tables.wheels import centres_table
 from wheelplane.report.text.plain import plain_writer
 from wheelplane.vehicle.frame import build_reference_frame
 
@@ -171,6 +173,19 @@ def test_no_output_has_provisional_angles_as_measured_ones(tmp_path):
         assert repr(wheels[name]).startswith(f"<Wheel {name}: block-not-")
         with pytest.raises(NotMeasuredError, match=f"{name}: line"):
             _ = wheels[name].toe
+
+
+def test_reports_say_by_how_many_points_each_centre_was_found():
+    """In the table of centres, and on the card of each wheel: as many as are on its plane."""
+    blocks = paper()
+    for block in (0, TRIAL):
+        blocks[block, 2] += [0.0, 0.03, 0.0]
+    found, writer = measure_five_point(file(blocks)), plain_writer(PRINTED)
+    by = [writer.words("method.four_points" if i in (0, TRIAL) else "method.points")
+          for i in range(8)]  # fmt: skip
+    assert [row[-1] for row in centres_table(found, writer).rows] == by
+    for wheel, own in zip(found.wheels, by, strict=True):
+        assert (writer.words("wheel.method"), own) in wheel_facts(wheel, writer)
 
 
 def test_bad_blocks_neither_hide_each_other_nor_add_to_the_noise():

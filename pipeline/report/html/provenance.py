@@ -13,6 +13,7 @@ from ...system import frozen
 from ..format.language import Translations
 from ..format.writer import NONE, Table, Writer
 from ..json.conformity import tolerance_tree
+from ..tables.wheels import found_by
 
 Pairs = list[tuple[str, str]]
 SIZES = ("diameter", "side", "width", "height", "hole_diameter", "hole_spacing", "pitch")
@@ -120,7 +121,7 @@ def wheel_facts(result: WheelResult, writer: Writer) -> Pairs:
     largest = np.linalg.eigvalsh(target.centre_covariance_m2)[-1].clip(min=0.0)
     pairs += [
         (words("wheel.centre"), writer.size(math.sqrt(largest), "m")),
-        (words("wheel.method"), words.known("method", target.method)),
+        (words("wheel.method"), found_by(seen, words)),
     ]
     if target.marker_ids:
         pairs.append((words("wheel.markers"), ", ".join(map(str, target.marker_ids))))

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ...measurement import Measurement, Stated, WheelResult, by_kind, stated
+from ...measurement import Measurement, Observation, Stated, WheelResult, by_kind, stated
+from ..format.language import Translations
 from ..format.writer import Column, Columns, Table, Writer
 
 AXLES = (("front", "FL", "FR"), ("rear", "RL", "RR"))
@@ -93,6 +94,12 @@ def axles_table(measurement: Measurement, writer: Writer) -> Table:
     return writer.table(columns, rows, 2, words("results.axles"))
 
 
+def found_by(seen: Observation, words: Translations) -> str:
+    """Return in words how the centre of a measured wheel was found."""
+    method = seen.fitted.method if seen.suspect is None else "four_points"
+    return words.known("method", method)
+
+
 def centres_table(measurement: Measurement, writer: Writer) -> Table:
     """Return centres of all measured wheels in the vehicle frame, metres."""
     words = writer.words
@@ -104,7 +111,7 @@ def centres_table(measurement: Measurement, writer: Writer) -> Table:
             covariance = sum((part.covariance for part in pose.components), np.zeros((6, 6)))
             u = np.sqrt(np.diag(R @ covariance[3:, 3:] @ R.T).clip(min=0.0))
             places = map(writer.coordinate, local.tolist(), u.tolist())
-            method = words.known("method", result.observation.fitted.method)
+            method = found_by(result.observation, words)
             rows.append([writer.wheel(result.observation.name), *places, method])
     ways = (f"{words(f'scene.{way}')} / m" for way in ("left", "forward", "up"))
     columns: Columns = (Column(words("results.name"), quiet=True), *ways,
