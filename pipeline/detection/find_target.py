@@ -44,6 +44,7 @@ MOST_SCORED = 12  # candidate positions of one scan that are scored
 # Points whose cells are too coarse for the outline; how many times as many, and how many times less
 # noise, a surface has beside what is none.
 FEW, MANY_TIMES, SMOOTHER = 1200, 5, 5.0
+NEXT_TO = 3.0  # radii within which a surface is scanned as densely as another
 DOUBTED = 0.5  # of the match of such a one: what a surface needs to be its rival
 BEHIND = 0.95  # of the best match: what a surface within a radius before or behind needs
 SPARSE = 1500  # points on a target, below which all points of the scan are used, not a sample
@@ -188,12 +189,23 @@ def find_candidates(
     found = [replace(c, centre_m=c.centre_m + origin) for c in found]
     if len(points_m) > len(points):
         found = _rescore_sparse(points_m, found, target, config, steps)
-    return [one for one in found if not _is_scrap(one, found)]
+    return [one for one in found if not _is_scrap(one, found, target, config)]
 
 
-def _is_scrap(one: Candidate, found: Sequence[Candidate]) -> bool:
-    """Return whether one of several likely candidates is no surface beside another."""
-    return any(other.match > LIKELY * one.match and _is_thin(one, other) for other in found)
+def _is_scrap(
+    one: Candidate, found: Sequence[Candidate], target: Target, config: SegmentConfig
+) -> bool:
+    """Return whether one of several likely candidates is no surface beside another.
+
+    What is farther from it, as the next wheel's target, has fewer points for its distance: then the
+    other has to match nearly as well.
+    """
+
+    def share(other: Candidate) -> float:
+        apart_m = float(np.linalg.norm(other.centre_m - one.centre_m))
+        return LIKELY if apart_m < NEXT_TO * target.radius_m else config.rival_match
+
+    return any(other.match > share(other) * one.match and _is_thin(one, other) for other in found)
 
 
 def _is_thin(one: Candidate, other: Candidate) -> bool:

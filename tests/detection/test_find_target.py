@@ -261,8 +261,35 @@ def test_wheel_without_a_target():
 def test_a_scrap_of_few_points_is_no_rival_of_a_target_of_many(match, points, kept):
     many = Candidate(np.zeros(3), np.eye(3), 0.45, 0.001, 0.005, 4114)
     other = replace(many, centre_m=np.full(3, 0.2), match=match, points=points)
-    assert _is_scrap(other, [many, other]) is not kept
-    assert not _is_scrap(many, [many, other])
+    of = load_target("disc-250"), SegmentConfig()
+    assert _is_scrap(other, [many, other], *of) is not kept
+    assert not _is_scrap(many, [many, other], *of)
+
+
+@pytest.mark.parametrize(
+    ("match", "points", "kept"), [(1.0, 997, True), (0.8, 997, False), (1.0, 1300, True)]
+)
+def test_a_whole_target_that_is_far_off_is_no_scrap_beside_one_hidden_in_part(match, points, kept):
+    """It has fewer points for its distance: that of the next wheel, or the one that is meant."""
+    hidden = Candidate(np.zeros(3), np.eye(3), 0.67, 0.0005, 0.005, 6778)
+    whole = replace(hidden, centre_m=np.array([1.0, 0.0, 0.0]), match=match, points=points)
+    assert _is_scrap(whole, [hidden, whole], load_target("disc-250"), SegmentConfig()) is not kept
+
+
+def test_a_whole_target_far_off_is_not_passed_over_for_one_hidden_in_part():
+    rng = np.random.default_rng(0)
+    parts = []
+    for x_m, count, end_m in ((0.0, 1000, 1.0), (1.0, 8000, 0.075)):
+        radius, angle = 0.125 * np.sqrt(rng.random(count)), rng.uniform(0.0, 2.0 * np.pi, count)
+        face = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(count)])
+        behind = np.column_stack([rng.uniform(-0.2, 0.2, (count, 2)), np.full(count, -0.05)])
+        parts.append(np.vstack([face[face[:, 0] < end_m], behind]))
+        parts[-1][:, 0] += x_m
+    points = np.vstack(parts)
+    points[:, 2] += rng.normal(0.0, 0.0005, len(points))
+    with pytest.raises(NotMeasuredError, match=r"two planes .* 99\d mm apart") as error:
+        find_target(points, load_target("disc-250"), SegmentConfig(), 0)
+    assert error.value.status == "ambiguous-target"
 
 
 @pytest.mark.parametrize(
