@@ -100,7 +100,7 @@ class PatternTarget(Plate):
             )
 
     def _check_ids(self) -> None:
-        if (self.ids is None) == (self.wheels is None):
+        if (self.ids is None) == (self.wheels is None) or self.wheels == {}:
             raise ValueError(
                 "a pattern of kind 'aruco' needs ids, or a table wheels: add one of them"
             )

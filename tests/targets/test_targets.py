@@ -128,6 +128,7 @@ WRONG = {
     "circles with ids": (WHOLE["pattern"] | {"ids": [1]}, "has no ids"),
     "three circles": (WHOLE["pattern"] | {"rows": 1, "columns": 3}, "too few"),
     "markers without ids": (MARKERS, "needs ids"),
+    "markers of no wheel": (MARKERS | {"wheels": {}}, "needs ids"),
     "too few ids": (MARKERS | {"ids": [1]}, "1 markers, rows x columns is 2"),
     "an id twice": (MARKERS | {"ids": [1, 1]}, "is listed twice"),
     "an id of two wheels": (MARKERS | {"wheels": {"RR": [0, 1], "FL": [1, 2]}}, "is listed twice"),
