@@ -84,13 +84,14 @@ def align(
 ) -> Measurement:
     """Evaluate all observations; the first four are RR, RL, FR, FL and were measured.
 
-    verticals: finds those that are known, and the one in use. A trial that belongs to no wheel gets
-    a status. Raises InputError where the four centres define no frame, where a position of a sweep
-    or a run-out is a copy of another, and where the vertical in use is not known.
+    verticals: finds those that are known, and the one in use. A trial that belongs to no wheel, or
+    faces along the car, gets a status. Raises InputError where the four centres define no frame,
+    where a position of a sweep or a run-out is a copy of another, and where the vertical in use is
+    not known.
     """
     centres, frame = _frame_of(observations, provenance)
-    observations = share_components([_on_a_wheel(one, centres) for one in observations])
-    _check_sides(frame, observations, provenance)
+    observations = [_on_a_wheel(one, centres) for one in observations]
+    observations = share_components([_on_a_side(one, frame, provenance) for one in observations])
     check_positions(observations, provenance.source)
     observations = _with_wheel_centres(observations, frame)
     centres, frame = _frame_of(observations, provenance)
@@ -116,18 +117,23 @@ def _frame_of(
     return centres, frame
 
 
-def _check_sides(
-    frame: VehicleFrame, observations: Sequence[Observation], provenance: Provenance
-) -> None:
-    """Raise InputError for a target that faces along the car, so that it has no outer side."""
-    for one in observations:
-        if one.evidence is None or one.wheel is None:
-            continue
-        try:
-            outward_normal(frame, one.fitted.normal, str(one.wheel))
-        except InputError as error:
-            named = "" if one.role == "reference" else f"{one.name}: "
-            raise InputError(f"{provenance.source}: {named}{error}") from error
+def _on_a_side(
+    observation: Observation, frame: VehicleFrame, provenance: Provenance
+) -> Observation:
+    """Return the observation; no-wheel if its target faces along the car: it has no outer side.
+
+    Raises InputError for that of a reference wheel.
+    """
+    if observation.evidence is None or observation.wheel is None:
+        return observation
+    try:
+        outward_normal(frame, observation.fitted.normal, observation.wheel)
+    except InputError as error:
+        if observation.role == "reference":
+            raise InputError(f"{provenance.source}: {error}") from error
+        fact = str(error).rpartition(": ")[0]
+        return replace(observation, evidence=None, status="no-wheel", reason=fact)
+    return observation
 
 
 def _note_of_size(frame: VehicleFrame, centres: Array) -> list[Wording]:

@@ -610,6 +610,34 @@ def test_axles_in_one_place_are_refused(tmp_path):
         measure_five_point(read_five_point(path), check=False)
 
 
+def test_a_trial_that_faces_along_the_vehicle_is_not_measured_and_all_others_are(tmp_path):
+    """A reference wheel's ends the measurement, as it makes the frame."""
+    path, blocks = tmp_path / "five.txt", figure_4()
+    others = measure_five_point(read_five_point(PAPER / "figure-4.txt"))
+    frame, turned = others.frame, blocks.copy()
+    for block in (0, 5):
+        local = blocks[block] - blocks[block].mean(axis=0)
+        axes = np.stack([frame.forward, frame.left, frame.up])
+        turned[block] = local @ axes.T @ axes[[1, 0, 2]] + blocks[block].mean(axis=0)
+    np.savetxt(path, np.concatenate([blocks[:5], turned[5:6], blocks[6:]]).reshape(-1, 3))
+    found = measure_five_point(read_five_point(path))
+    assert [one.observation.status for one in found.wheels] == ["ok"] * 5 + ["no-wheel"] + [
+        "ok"
+    ] * 2
+    trial = found.wheels[5]
+    assert trial.angles is None
+    assert re.fullmatch(
+        r"wheel RL: the normal .* at 8\d\.\d° to the rear axle, so its outer side is undefined",
+        trial.observation.reason,
+    )
+    for one, other in zip(found.wheels, others.wheels, strict=True):
+        if one is not trial:
+            assert one.angles.toe_rad == pytest.approx(other.angles.toe_rad, abs=1e-12)
+    np.savetxt(path, np.concatenate([turned[:1], blocks[1:]]).reshape(-1, 3))
+    with pytest.raises(InputError, match=r"five.txt: wheel RR: the normal .* check the order"):
+        measure_five_point(read_five_point(path))
+
+
 @pytest.mark.parametrize("option", ["-o", "--html", "--pdf"])
 @pytest.mark.parametrize("method", ["tls", "tcgc-2013"])
 def test_the_points_are_not_replaced_by_their_report(tmp_path, option, method):
