@@ -33,6 +33,7 @@ APART_M = 0.3
 BALL_M, ABOVE_M = 0.55, 0.015  # points about a position; above the floor
 MOST_LEAN = np.sin(np.radians(10.0))  # of an axis against the floor
 TWIN_M = (0.1, 0.6)  # aside and along: of the inner wheel of two on one hub
+WHEELS = 4  # of a vehicle
 STANDS_M = (-0.08, 0.10)  # height of the axis less the largest radius seen
 
 
@@ -132,17 +133,28 @@ def _chosen(points_m: Array, near_m: Sequence[Array]) -> list[tuple[RoughAxis, R
 
 
 def _standing(points_m: Array, rim_inch: float | None) -> list[tuple[RoughAxis, Rows]]:
-    """Return the wheels that stand on the floor, with the rows of points near each."""
+    """Return the wheels that stand on the floor, with the rows of points near each.
+
+    Raises NotMeasuredError 'wheel-not-found' where all four of a vehicle stand on something higher.
+    """
     centroid, normal = _pieces(points_m)
     floor = _find_floor(centroid, normal)
     cloud = _Cloud(points_m)
     found: list[tuple[RoughAxis, Rows]] = []
+    raised: list[RoughAxis] = []
     for position in _positions(centroid, normal, floor):
-        if any(_apart_m(rough.axis.point_m, position) < APART_M for rough, _ in found):
+        if _is_near(position, [rough for rough, _ in found]):
             continue
-        wheel = _wheel_at(cloud, position, floor, rim_inch)
-        if wheel is not None:
-            found.append(wheel)
+        rough = _level_axis(cloud, position, floor)
+        if rough is None:
+            continue
+        if _over_m(rough, floor) > STANDS_M[1]:
+            raised += [] if _is_near(rough.axis.point_m, raised) else [rough]
+        elif _over_m(rough, floor) > STANDS_M[0]:
+            wheel = _wheel_at(cloud, rough, floor, rim_inch)
+            found += [] if wheel is None else [wheel]
+    if not found and raised:
+        _check_height([_over_m(rough, floor) for rough in raised])
     return _of_their_own(sorted(found, key=lambda one: (-one[0].circle, -one[0].score)))
 
 
@@ -247,25 +259,47 @@ def _peaks(
     return kept
 
 
-def _wheel_at(
-    cloud: _Cloud, position_m: Array, floor: Floor, rim_inch: float | None
-) -> tuple[RoughAxis, Rows] | None:
-    """Return the axis of the wheel at a position (3,), outwards, and the rows of points near it.
+def _check_height(over_m: Sequence[float]) -> None:
+    """Raise NotMeasuredError 'wheel-not-found' where a vehicle's wheels are alike above a floor."""
+    middle_m = float(np.median(over_m))
+    if np.count_nonzero(np.abs(np.array(over_m) - middle_m) < STANDS_M[1]) >= WHEELS:
+        raise NotMeasuredError(
+            "wheel-not-found",
+            f"the wheels in it stand about {middle_m:.1f} m above its floor, as on a lift: choose "
+            "a point on each of the four by --hint",
+        )
 
-    None where none stands on the floor and can be fitted.
-    """
+
+def _is_near(position_m: Array, known: Sequence[RoughAxis]) -> bool:
+    """Return whether a position (3,) lies at a wheel that is known."""
+    return any(_apart_m(one.axis.point_m, position_m) < APART_M for one in known)
+
+
+def _level_axis(cloud: _Cloud, position_m: Array, floor: Floor) -> RoughAxis | None:
+    """Return the axis of the surface of revolution at a position (3,); None where it leans."""
     try:
         rough = find_axis(cloud.points_m[_above(cloud, position_m, floor)])
-        axis = rough.axis
-        height = float(floor.height_m(axis.point_m))
-        leans = abs(float(axis.direction @ floor.up)) > MOST_LEAN
-        if leans or not STANDS_M[0] < height - rough.radius_m < STANDS_M[1]:
-            return None
-        rows = _above(cloud, axis.point_m, floor)
+    except NotMeasuredError:
+        return None
+    leans = abs(float(rough.axis.direction @ floor.up)) > MOST_LEAN
+    return None if leans else rough
+
+
+def _over_m(rough: RoughAxis, floor: Floor) -> float:
+    """Return how far above the floor the lowest point of a wheel is."""
+    return float(floor.height_m(rough.axis.point_m)) - rough.radius_m
+
+
+def _wheel_at(
+    cloud: _Cloud, rough: RoughAxis, floor: Floor, rim_inch: float | None
+) -> tuple[RoughAxis, Rows] | None:
+    """Return the axis of a wheel, outwards, and the rows of points near it; None without a fit."""
+    rows = _above(cloud, rough.axis.point_m, floor)
+    try:
         outward = _outward(cut_wheel(cloud.points_m[rows], rough), rim_inch)
     except NotMeasuredError:
         return None
-    return replace(rough, axis=axis.towards(outward)), rows
+    return replace(rough, axis=rough.axis.towards(outward)), rows
 
 
 def _outward(patch: Patch, rim_inch: float | None) -> Array:

@@ -133,6 +133,18 @@ def test_a_cloud_without_a_floor_is_refused():
         find_wheels(wall, None)
 
 
+def test_wheels_on_a_lift_are_not_said_to_be_missing():
+    """They are measured where a point on each is chosen."""
+    rng = np.random.default_rng(11)
+    points = vehicle_points(rng, CENTRES, LEVEL)
+    lift = np.all(np.abs(points[:, :2] - [1.3, 0.0]) < (2.0, 1.2), axis=1)
+    points[~lift, 2] -= 0.3
+    with pytest.raises(NotMeasuredError, match=r"stand about 0\.3 m above its floor.*--hint"):
+        find_wheels(points, None)
+    found = find_wheels(points, None, near_m=[np.array(one) + 0.05 for one in CENTRES])
+    assert placed(found) == [0, 1, 2, 3]
+
+
 def test_a_floor_alone_has_no_wheels():
     rng = np.random.default_rng(6)
     floor = rng.random((200_000, 3)) * [4.0, 3.0, 0.001]
