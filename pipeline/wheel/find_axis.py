@@ -17,6 +17,7 @@ SAMPLE = 150_000
 EDGES_M = (0.016, 0.024, 0.036, 0.054)  # of the voxels: the first whose normals are good enough
 LEAST_IN_VOXEL = 8
 FLAT = 0.75  # spread across a piece of surface over that along it
+ROUGH = 0.5  # of the pieces that are flat: fewer are no surface's, however many points there are
 TILT_RAD, SHARE = 0.08, 0.6  # standard uncertainty of a normal; of the pieces that have it
 LEAST_PIECES, LEAST_MET = 60, 12
 MODES, MODE_RAD, APART_RAD = 8, np.radians(6.0), np.radians(11.0)
@@ -109,12 +110,18 @@ def _pieces(points_m: Array) -> Pieces:
             continue
         count = voxels.sums[row, 0]
         centroid, normal, spread = planes_of(voxels.sums[row])
-        certain = spread[:, 0] < TILT_RAD * spread[:, 1] * np.sqrt(count)
-        certain &= (spread[:, 0] < FLAT * spread[:, 1]) & (spread[:, 1] > 0.12 * edge)
+        flat = (spread[:, 0] < FLAT * spread[:, 1]) & (spread[:, 1] > 0.12 * edge)
+        certain = flat & (spread[:, 0] < TILT_RAD * spread[:, 1] * np.sqrt(count))
         found = Pieces((centroid + voxels.middle_m[row])[certain], normal[certain], count[certain])
         if np.sum(found.count) > SHARE * len(points_m):
             break
     if len(row) < LEAST_PIECES or len(found.count) < LEAST_PIECES:
+        if len(row) >= LEAST_PIECES and np.mean(flat) < ROUGH:
+            raise NotMeasuredError(
+                "wheel-not-found",
+                f"its points lie on no smooth surface: of {len(row)} pieces of {edge * 1e3:.0f} mm "
+                f"{np.count_nonzero(flat)} are flat",
+            )
         raise NotMeasuredError("too-few-points", f"{len(points_m)} points show no wheel's surface")
     return found
 

@@ -51,6 +51,16 @@ def test_two_planes_are_no_wheel():
     assert caught.value.status in ("wheel-not-found", "too-few-points")
 
 
+@pytest.mark.parametrize("noise_m", [0.03, 0.1])
+def test_many_points_that_are_no_surface_are_not_too_few(noise_m):
+    """More of them, as the status of too few asks for, would show no wheel either."""
+    rng = np.random.default_rng(6)
+    points = wheel_points(rng, np.zeros(3), np.array([0.0, 1.0, 0.0]), 150_000, noise_m)
+    with pytest.raises(NotMeasuredError, match="lie on no smooth surface") as caught:
+        find_axis(points)
+    assert caught.value.status == "wheel-not-found"
+
+
 def test_few_points_are_too_few():
     with pytest.raises(NotMeasuredError) as caught:
         find_axis(np.random.default_rng(0).normal(size=(50, 3)))
