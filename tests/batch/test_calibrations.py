@@ -156,6 +156,18 @@ def test_a_line_with_common_errors_is_that_of_many_experiments():
         assert getattr(independent, name) == pytest.approx(getattr(plain, name), rel=1e-6)
 
 
+@pytest.mark.parametrize("y", [[1.0, -1.0, 1.0], [1.0, -1.0, -1.0, 1.0], [2.0, 0.0, -3.0, 0.5]])
+def test_few_values_about_a_level_line_scatter_by_their_residuals(y):
+    """Whether the scatter is found by independent errors, or with ones in common that vanish."""
+    n = len(y)
+    day, u = 100.0 * np.arange(n), np.full(n, 1e-3)
+    one = Series("x", "deg", np.arange(n), day, np.array(y), u)
+    residuals = one.values - np.polyval(np.polyfit(day, y, 1), day)
+    expected = np.sqrt(residuals @ residuals / (n - 2) - u[0] ** 2)
+    for found in (drift(one), drift(one, np.full((n, n), 1e-12))):
+        assert found.scatter == pytest.approx(expected, rel=1e-6)
+
+
 def test_two_calibrations_show_no_drift_and_say_so(tmp_path):
     found = machine_history(write(tmp_path, 2), "7")
     assert {one.reason for one in found.drifts} == {"fewer than three dated values"}

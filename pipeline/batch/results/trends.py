@@ -227,7 +227,8 @@ def _fit_common(day: Array, y: Array, variance: Array, common: Array) -> tuple[_
         rest = y - at_mean - line.slope * centred
         return line, float(rest @ W @ rest)
 
-    low, high, dof = 0.0, float(np.var(y)), len(day) - 2
+    dof = len(day) - 2
+    low, high = 0.0, len(day) * float(np.var(y)) / dof  # of a level line through independent values
     if fitted(0.0)[1] <= dof:
         return fitted(0.0)[0], 0.0
     for _ in range(100):
