@@ -283,9 +283,10 @@ class Alignment(Mapping[str, Value]):
 
 
 def _wheel(result: WheelResult, values: Mapping[str, Value]) -> Wheel:
-    seen, start = result.observation, f"{result.observation.name}."
+    seen = result.observation
     measured = values if result.provisional is None else {}
-    own = {k.removeprefix(start): v for k, v in measured.items() if k.startswith(start)}
+    named = {key.rpartition("."): value for key, value in measured.items()}
+    own = {kind: value for (name, _, kind), value in named.items() if name == seen.name}
     return Wheel(
         seen.name,
         result.wheel,

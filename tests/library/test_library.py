@@ -159,6 +159,14 @@ def test_trials_are_what_is_no_reference_wheel(capture, clouds, measured):
     assert "2: " in repr(broken.wheels["2"])
 
 
+def test_a_trial_has_no_values_of_one_whose_name_goes_on_after_a_dot(clouds):
+    trials = {"1": clouds["RR"], "1.5": clouds["RL"]}
+    found = wp.measure(clouds | trials, target=DISC).wheels
+    assert list(found["1"]._values) == list(found["1.5"]._values) == list(found["FL"]._values)
+    with pytest.raises(KeyError, match=r"1 has no '5\.toe'"):
+        _ = found["1"]["5.toe"]
+
+
 def test_covariance_and_values_are_those_of_the_measurement(measured):
     covariance = measured.covariance
     assert isinstance(covariance, Covariance)
