@@ -145,7 +145,15 @@ def _check_rolled(entries: list[ScanEntry], where: str) -> None:
 
 
 def _check_names(entries: list[ScanEntry], where: str) -> None:
-    """Check that names and files are unique; a sweep or run-out may show the reference scan too."""
+    """Check that names and files are unique; a sweep or run-out may show the reference scan too.
+
+    No trial is called `vehicle`, which names the vehicle's own quantities and doubts.
+    """
+    if any(entry.role == "trial" and entry.name == "vehicle" for entry in entries):
+        raise InputError(
+            f"{where}: a trial is called 'vehicle', as the vehicle's own quantities are: give it "
+            "another name"
+        )
     reference = {e.wheel: posixpath.normpath(e.file) for e in entries if e.role == "reference"}
     for kind in ("name", "file"):
         seen: set[object] = set()

@@ -147,13 +147,16 @@ def _capture(
 def _by_name(scans: Mapping[object, object]) -> dict[str, object]:
     """Return the scans by name: the reference wheels, then the trials.
 
-    Raises InputError for two of one name, such as 7 and "7", and for a name that is empty.
+    Raises InputError for two of one name, such as 7 and "7", for a name that is empty, and for
+    `vehicle`, which names the vehicle's own quantities.
     """
     named: dict[str, object] = {wheel: scans[wheel] for wheel in REFERENCE_WHEELS}
     for key in scans:
         name = str(key)
         if not name.strip():
             raise InputError(f"the trial {key!r} has no name: give one, such as '1'")
+        if name == "vehicle":
+            raise InputError("a trial is called 'vehicle', as the vehicle's own: rename it")
         if key not in REFERENCE_WHEELS and name in named:
             raise InputError(f"two scans have the name {name!r}: give each trial its own")
         named[name] = scans[key]

@@ -222,6 +222,7 @@ LONG = "a" * 300
         (DISC + REFERENCE + '[[trial]]\nname = "1"\n', ["'trial.0.file' is missing"]),
         (DISC + REFERENCE + TRIAL.replace('"1"', '""'), ["trial.0.name"]),
         (DISC + REFERENCE + TRIAL.replace('"1"', '"RR"'), ["name 'RR' occurs twice"]),
+        (DISC + REFERENCE + TRIAL.replace('"1"', '"vehicle"'), ["a trial is called 'vehicle'"]),
         (DISC + REFERENCE + TRIAL.replace("rr2", "rr"), ["file 'rr.ply' occurs twice"]),
         (DISC + REFERENCE + TRIAL.replace("rr2", "./x/../rr"), ["file 'rr.ply' occurs twice"]),
         (DISC + REFERENCE + TRIAL.replace('"1"', '"a\\nb"'), ["'a\\nb' is not plain text"]),

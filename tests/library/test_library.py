@@ -404,6 +404,7 @@ def test_an_argument_without_effect_on_a_capture_is_refused(capture):
         (("7", 7), "two scans have the name '7'"),
         (("",), "the trial '' has no name: give one"),
         ((" ",), "the trial ' ' has no name"),
+        (("vehicle",), "a trial is called 'vehicle', as the vehicle's own: rename it"),
     ],
 )
 def test_every_trial_has_a_name_of_its_own(names, says):
