@@ -6,7 +6,15 @@ from .coverage import nees, scores
 from .five_point import Estimator, FivePointOptions, points_of
 from .frame_effect import SHAPE
 from .mounting import Mounting, Mountings, MountingScatter, validate_mountings
-from .request import Against, Request, RequestPart, as_method, measured
+from .request import (
+    Against,
+    Request,
+    RequestPart,
+    as_method,
+    measured,
+    note_of_plates,
+    of_faces,
+)
 from .statistics.bland_altman import Limit
 from .statistics.joint_test import JointTest, Spread
 from .statistics.line_fit import Line, fit_line
@@ -43,6 +51,8 @@ __all__ = [
     "is_archive_of_captures",
     "measured",
     "nees",
+    "note_of_plates",
+    "of_faces",
     "points_of",
     "scores",
     "validate_archive",

@@ -43,6 +43,7 @@ from wheelplane.validation.study import (
 )
 from wheelplane.validation.truth import read_truth
 from wheelplane.validation.validate_capture import compare_with_points, validate_capture
+from wheelplane.web.content.comparing import compare_measurements
 
 FILE = Path("five-point.txt")
 FINE = TM30.model_copy(update={"range_sigma_m": 5e-5, "aiming_sigma_m": 0.0})
@@ -558,7 +559,29 @@ def test_five_points_are_compared_with_the_faces_that_they_lie_on(stand_off):
         ]
         dense = align(seen, Provenance("bay", None, "0", {}, {}, 0))
         found.append(compare_with_points(dense, points, Request("five-point")))
-    plain, carried = found
-    np.testing.assert_array_equal(carried.difference_rad, plain.difference_rad)
-    assert carried.joint == plain.joint
-    assert carried.shape_test == plain.shape_test
+        found.append(compare_measurements(dense, points.measurement, ("scans", "points")))
+    for plain, carried in (found[::2], found[1::2]):
+        np.testing.assert_array_equal(carried.difference_rad, plain.difference_rad)
+        assert carried.joint == plain.joint
+        assert carried.shape_test == plain.shape_test
+
+
+def test_a_trial_at_another_wheel_is_no_trial_of_the_other_measurement():
+    """Its name alone is the same: the page compares what both measured, and names the rest."""
+    car = Car(1)
+    seen = [
+        Observation(name, role, wheel, "", "", 5, 0, evidence=Evidence(fit))
+        for name, role, wheel, fit in zip(
+            (*car.names, "1", "2"),
+            4 * ["reference"] + 2 * ["trial"],
+            (*car.names, "RR", "FL"),
+            [car.dense().targets[i] for i in (0, 1, 2, 3, 0, 3)],
+            strict=True,
+        )
+    ]
+    moved = [*seen[:4], replace(seen[5], name="1"), seen[5]]
+    both = [align(each, Provenance("bay", None, "0", {}, {}, 0)) for each in (seen, moved)]
+    found = compare_measurements(*both, ("before", "after"))
+    assert found.names == (*car.names, "2")
+    assert found.missing == (("1", "at RR in before, at FL in after"),)
+    np.testing.assert_array_equal(found.difference_rad, 0.0)

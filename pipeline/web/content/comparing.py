@@ -14,10 +14,19 @@ from ...measurement import VERTICALS, Estimate, Measurement, by_name
 from ...report.format.language import Translations, load_translations
 from ...report.format.view import PAPER
 from ...report.format.writer import Table, Writer
+from ...report.html.provenance import is_five_point
 from ...report.tables.comparison import differences_table
 from ...report.tables.conformity import doubted
 from ...report.text.validation import validation_text
-from ...validation import Comparison, RequestPart, as_method, check_alike, measured
+from ...validation import (
+    Comparison,
+    RequestPart,
+    as_method,
+    check_alike,
+    measured,
+    note_of_plates,
+    of_faces,
+)
 from ...validation import compare as compare_methods
 from ...vehicle import REFERENCE_WHEELS
 from ..files.stored import load, store
@@ -40,7 +49,7 @@ def compare(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     tree = {
         "verdict": found.verdict,
         "table": table_tree(differences_table(found, writer)),
-        "lengths": table_tree(_lengths(first, second, words, plan["names"])),
+        "lengths": table_tree(_lengths(*_of_one_kind(first, second), words, plan["names"])),
         "doubts": doubted(found.doubts, words),
         "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
         "text": validation_text(found),
@@ -57,8 +66,9 @@ def compare_measurements(
 
     Raises InputError if they cannot be of the same vehicle.
     """
-    parts = [measured(one) for one in (first, second)]
-    shared = [name for name in parts[0].names if name in parts[1].names]
+    parts = [measured(one) for one in _of_one_kind(first, second)]
+    wheels = [dict(zip(part.names, part.wheels, strict=True)) for part in parts]
+    shared = [name for name, wheel in wheels[0].items() if wheels[1].get(name) == wheel]
     verticals = [one.vertical_kind for one in (first, second)]
     if verticals[0] != verticals[1]:
         raise InputError(
@@ -73,16 +83,34 @@ def compare_measurements(
     kept = [_of(part, shared) for part in parts]
     one, other = (as_method(name, p.results) for name, p in zip(names, kept, strict=True))
     check_alike(one, other, names[1])
+    mounted = note_of_plates(first) or note_of_plates(second)
     return compare_methods(
         names[0],
         shared,
         kept[0].wheels,
         one,
         other,
-        missing=_missing(parts, shared, names),
-        notes=(*first.notes, *second.notes, *_of_same_files(first, second)),
+        missing=_missing(wheels, names),
+        notes=(
+            *first.notes,
+            *second.notes,
+            *(mounted if _is_with_points(first, second) else ()),
+            *_of_same_files(first, second),
+        ),
         origins=(first.provenance, second.provenance),
     )
+
+
+def _of_one_kind(first: Measurement, second: Measurement) -> tuple[Measurement, Measurement]:
+    """Return the two; beside five points, which lie on the targets, scans as of these."""
+    if _is_with_points(first, second):
+        return of_faces(first), of_faces(second)
+    return first, second
+
+
+def _is_with_points(first: Measurement, second: Measurement) -> bool:
+    """Return whether one is of five points a wheel, and the other of scans."""
+    return is_five_point(first) != is_five_point(second)
 
 
 def _of_same_files(first: Measurement, second: Measurement) -> list[Doubt]:
@@ -96,14 +124,17 @@ def _of(part: RequestPart, names: list[str]) -> RequestPart:
     return RequestPart(tuple(known[name] for name in names), ())
 
 
-def _missing(
-    parts: list[RequestPart], shared: list[str], names: tuple[str, str]
-) -> tuple[tuple[str, str], ...]:
-    return tuple(
-        (name, f"only in {label}")
-        for part, label in zip(parts, names, strict=True)
-        for name in part.names
-        if name not in shared
+def _missing(wheels: list[dict[str, str]], names: tuple[str, str]) -> tuple[tuple[str, str], ...]:
+    """Return name and reason of what cannot be compared. wheels: by name, of both."""
+    first, second = wheels
+    return (
+        *((name, f"only in {names[0]}") for name in first if name not in second),
+        *((name, f"only in {names[1]}") for name in second if name not in first),
+        *(
+            (name, f"at {wheel} in {names[0]}, at {second[name]} in {names[1]}")
+            for name, wheel in first.items()
+            if second.get(name, wheel) != wheel
+        ),
     )
 
 
