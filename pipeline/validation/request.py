@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..capture import Capture
-from ..errors import Wording
+from ..errors import InputError, Wording
 from ..measurement import MEASURED_FROM, Measurement, WheelResult, evaluate
 from ..system import frozen
 from ..vehicle import build_reference_frame, wheel_angles
@@ -75,14 +75,30 @@ def measured(measurement: Measurement) -> RequestPart:
 def of_faces(dense: Measurement) -> Measurement:
     """Return a measurement of the targets' faces, on which five points lie, not of the wheels.
 
-    As it is where no target is carried to its wheel.
+    As it is where no target is carried to its wheel. Raises InputError for one that was read from
+    its measurement.json, where that holds the carried centres alone.
     """
     mounted = dense.plates or dense
     if all(wheel.observation.on_wheel is None for wheel in mounted.wheels):
+        if _was_carried(mounted):
+            raise InputError(
+                f"{mounted.provenance.source}: its measurement.json holds the centres of the "
+                "wheels, its targets stand off these, and five points lie on the targets: compare "
+                "the capture itself"
+            )
         return mounted
     seen = [replace(wheel.observation, on_wheel=None) for wheel in mounted.wheels]
     faces = [one.fitted for one in seen if one.evidence is not None]
     return evaluate(seen, faces, mounted.provenance, mounted.notes, mounted.vertical)
+
+
+def _was_carried(read: Measurement) -> bool:
+    """Return whether targets that a measurement.json states were carried to their wheels."""
+    if any(wheel.observation.target is not None for wheel in read.wheels):
+        return False
+    stated = read.provenance.config
+    targets = [stated.get("target"), *(stated.get("targets") or {}).values()]
+    return any(one is not None and one.get("stand_off") is not None for one in targets)
 
 
 def note_of_plates(dense: Measurement) -> tuple[str, ...]:

@@ -22,6 +22,8 @@ from wheelplane.errors import ConfigError, Doubt, InputError, WheelplaneError
 from wheelplane.five_point.file import FivePointFile, read_five_point
 from wheelplane.measurement import Evidence, Observation, Provenance, align
 from wheelplane.report.format.language import load_translations
+from wheelplane.report.json.measurement import to_json
+from wheelplane.report.json.stored import read_measurement
 from wheelplane.report.plots.validation import ticks
 from wheelplane.report.tables.study import verdict_lines
 from wheelplane.report.text.validation import validation_text
@@ -564,6 +566,29 @@ def test_five_points_are_compared_with_the_faces_that_they_lie_on(stand_off):
         np.testing.assert_array_equal(carried.difference_rad, plain.difference_rad)
         assert carried.joint == plain.joint
         assert carried.shape_test == plain.shape_test
+
+
+def test_five_points_are_not_compared_with_centres_that_a_file_holds_in_the_place_of_faces(
+    tmp_path,
+):
+    car = Car(1)
+    points = points_of(FivePointFile(car.blocks()[0], "five.txt", "", ()), car.names)
+    for given, refused in (({}, False), ({"stand_off": 0.085, "stand_off_u": 0.0005}, True)):
+        target = DiscTarget(shape="disc", diameter=0.25, **given)
+        origin = Provenance("bay", None, "0", {}, {"target": target.model_dump()}, 0)
+        seen = [
+            Observation(name, "reference", name, "", "", 5, 0, evidence=Evidence(fit),
+                        target=target)
+            for name, fit in zip(car.names, car.dense().targets, strict=True)
+        ]  # fmt: skip
+        path = tmp_path / "measurement.json"
+        path.write_text(to_json(align(seen, origin)), encoding="utf-8")
+        read, _ = read_measurement(path, "measurement.json")
+        if refused:
+            with pytest.raises(InputError, match="of the wheels, its targets stand off these"):
+                compare_with_points(read, points, Request("five-point"))
+        else:
+            assert not compare_with_points(read, points, Request("five-point")).missing
 
 
 def test_a_trial_at_another_wheel_is_no_trial_of_the_other_measurement():
