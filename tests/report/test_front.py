@@ -251,6 +251,26 @@ def test_before_and_after_stand_on_the_page_in_the_text_and_in_the_json(turned, 
     assert to_json(turned) != to_json(turned, before=before)
 
 
+def test_a_trial_that_was_at_another_wheel_has_no_value_before(tmp_path):
+    """Trials 1 and 3 of Figure 4, at RL and RR, and the two the other way about."""
+    points = read_five_point(FIGURE_4)
+    now, earlier = (
+        measure_five_point(replace(points, blocks_m=points.blocks_m[[0, 1, 2, 3, *trials]]))
+        for trials in ((4, 6), (6, 4))
+    )
+    (tmp_path / "m.json").write_text(to_json(earlier))
+    before = read_earlier(tmp_path / "m.json")
+    limits = Tolerance.model_validate({"rear": LIMITS["rear"], "front": LIMITS["rear"]})
+    rows = rows_of(front_groups(now, assess(now, limits), WRITER, before))
+    assert all((row.at_before is None) == row.label.startswith(("1", "2")) for row in rows)
+    assert any(row.label.startswith("1") for row in rows)
+    named = {entry["quantity"] for entry in to_tree(now, before=before)["before"]["quantities"]}
+    assert "RR.toe" in named
+    assert not named & {"1.toe", "1.camber", "2.toe", "2.camber"}
+    kept = to_tree(now, before=replace(before, wheels={}))["before"]["quantities"]
+    assert {"1.toe", "2.toe"} <= {entry["quantity"] for entry in kept}
+
+
 def test_a_five_point_measurement_can_be_what_was_before(tmp_path):
     five = measure_five_point(read_five_point(FIGURE_4))
     (tmp_path / "m.json").write_text(to_json(five))

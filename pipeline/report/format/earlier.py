@@ -8,6 +8,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,8 @@ class Known:
 class Earlier:
     """Content of measurement.json, by name: `RR.toe`, `thrust_angle`, `FL.caster`.
 
-    compensated: wheels whose angles are free of run-out. inputs: SHA-256 of the scans.
+    compensated: wheels whose angles are free of run-out. inputs: SHA-256 of the scans. wheels: of
+    the wheels and trials, by name.
     """
 
     source: str
@@ -52,6 +54,17 @@ class Earlier:
     vertical: str = "wheels"
     compensated: frozenset[str] = frozenset()
     inputs: frozenset[str] = frozenset()
+    wheels: Mapping[str, str | None] = field(default_factory=dict)
+
+    def values_for(self, now: Measurement) -> dict[str, Known]:
+        """Return the values without those of trials that are at another wheel now."""
+        wheels = {one.observation.name: one.wheel for one in now.wheels}
+        moved = {name for name, wheel in self.wheels.items() if wheels.get(name, wheel) != wheel}
+        return {
+            name: known
+            for name, known in self.values.items()
+            if name.rpartition(".")[0] not in moved
+        }
 
 
 def read_tree(path: Path, name: str) -> tuple[dict[str, Any], bytes]:
@@ -87,6 +100,7 @@ def read_earlier(path: Path) -> Earlier:
                 w["name"] for w in tree.get("wheels", ()) if w.get("compensated")
             ),
             inputs=frozenset(tree.get("provenance", {}).get("inputs", {}).values()),
+            wheels={w["name"]: w["wheel"] for w in tree.get("wheels", ())},
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(

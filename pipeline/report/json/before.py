@@ -14,15 +14,16 @@ def before_tree(measurement: Measurement, before: Earlier | None) -> dict[str, A
     """Return each quantity of both measurements before, now and its change; null without one."""
     if before is None:
         return None
+    earlier = before.values_for(measurement)
     return {
         "file": before.source,
         "sha256": before.sha256,
         "capture": before.capture,
         "date": before.date,
         "quantities": [
-            _entry(name, unit, now, before.values[name])
+            _entry(name, unit, now, earlier[name])
             for name, unit, now in _now(measurement)
-            if name in before.values
+            if name in earlier
         ],
     }
 

@@ -97,7 +97,7 @@ def front_groups(
     shown = [source.verdict for of in sources.values() for source in of]
     rest = [verdict for verdict in verdicts.values() if verdict not in shown]
     sources[words("front.others")] = list(_others(rest, writer))
-    earlier = before.values if before else {}
+    earlier = before.values_for(measurement) if before else {}
     return [
         FrontGroup(title, tuple(_written(source, earlier, writer) for source in of))
         for title, of in sources.items()
