@@ -174,6 +174,33 @@ def test_two_calibrations_show_no_drift_and_say_so(tmp_path):
     assert found.intervals == ()
 
 
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        (["date"], "2026/01/01", "Invalid isoformat string: '2026/01/01'"),
+        (["date"], 5, "another form"),
+        (["quantities"], None, "another form"),
+        (["quantities", 0, "characteristic", "zero_error"], None, "another form"),
+        (["quantities", 0, "characteristic", "zero_error", "value_deg"], "x", "another form"),
+        (["quantities", 0, "points"], [], "another form"),
+        (["readings"], None, "another form"),
+        (["adjustments"], [{}], "it lacks 'quantity'"),
+    ],
+)
+def test_a_calibration_that_was_changed_is_named_in_one_line(tmp_path, path, value, says):
+    write(tmp_path, 3)
+    file = tmp_path / "1" / "calibration.json"
+    tree = json.loads(file.read_text())
+    part = tree
+    for key in path[:-1]:
+        part = part[key]
+    part[path[-1]] = value
+    file.write_text(json.dumps(tree))
+    with pytest.raises(InputError, match=says) as refused:
+        machine_history(tmp_path, "7")
+    assert str(refused.value).startswith(f"{file}: not a calibration of `wheelplane calibrate`")
+
+
 def test_the_command_prints_it_and_refuses_what_is_not_there(tmp_path):
     write(tmp_path, 3, drift=1.0)
     run = CliRunner().invoke(command, [str(tmp_path), "--drift", "--item", "7"])

@@ -79,8 +79,7 @@ def machine_history(
             f"{place}: no calibration of serial {serial!r}: there are those of {serials}"
         )
     for name, tree in found:
-        if tree["date"] is None:
-            raise InputError(f"{name}: it has no date: give it as date in the capture.toml")
+        _check(name, tree)
     found.sort(key=lambda one: (_day(one[1]), one[0]))
     trees = [tree for _, tree in found]
     names = dict.fromkeys(name for tree in trees for name in _values(final(tree)))
@@ -122,13 +121,28 @@ def _calibrations(folder: Path) -> dict[str, dict[str, Any]]:
         try:
             tree = json.loads(path.read_text(encoding="utf-8"))
             if tree["schema"] == SCHEMA:
-                _serial(tree)
+                _ = _serial(tree), _readings(tree), tree["date"]
                 found[str(path)] = tree
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError(
-                f"{path}: not a calibration of `wheelplane calibrate` ({fact_of(error)}): remove it"
-            ) from error
+            raise _unlike(str(path), error) from error
     return found
+
+
+def _check(name: str, tree: dict[str, Any]) -> None:
+    """Raise InputError for a calibration without a date, or with a value of no history."""
+    if tree["date"] is None:
+        raise InputError(f"{name}: it has no date: give it as date in the capture.toml")
+    try:
+        for value in _values(final(tree)):
+            history = _unadjusted(value, [tree])
+            _margin(value, history.series.unit, tree)
+    except (LookupError, ValueError, TypeError, AttributeError) as error:
+        raise _unlike(name, error) from error
+
+
+def _unlike(name: str, error: Exception) -> InputError:
+    fact = fact_of(error)
+    return InputError(f"{name}: not a calibration of `wheelplane calibrate` ({fact}): remove it")
 
 
 def _without_copies(
@@ -265,6 +279,24 @@ def _change(
     return float(np.mean([one["change"][f"value_{unit}"] for one in changes])), u
 
 
+def _margin(name: str, unit: str, tree: dict[str, Any]) -> tuple[float, float] | None:
+    """Return MPE less the largest distance of an error from the zero error, and u of the latter.
+
+    None but of a zero error whose quantity has an MPE.
+    """
+    quantity, _, what = name.partition(" ")
+    now = next((q for q in final(tree) if q["quantity"] == quantity), None)
+    if what != "zero error" or now is None:
+        return None
+    mpe = now["points"][0][f"mpe_{unit}"]
+    if mpe is None:
+        return None
+    line = now["characteristic"]["zero_error"]
+    zero, u = line[f"value_{unit}"], line[f"u_{unit}"]
+    errors = [point["error"][f"value_{unit}"] for point in now["points"]]
+    return mpe - max(abs(error - zero) for error in errors), u
+
+
 def _interval(one: Drift, adjusted: float, last: dict[str, Any]) -> Iterator[Interval]:
     """Yield the interval of a zero error's drift, where its quantity has an MPE.
 
@@ -272,18 +304,10 @@ def _interval(one: Drift, adjusted: float, last: dict[str, Any]) -> Iterator[Int
     The predicted zero error has a standard deviation from the slope, the scatter between
     calibrations and the last zero error's u; Student's t of n - 2 degrees of freedom.
     """
-    quantity, _, what = one.quantity.partition(" ")
-    now = next((q for q in final(last) if q["quantity"] == quantity), None)
-    if what != "zero error" or now is None:
+    known = _margin(one.quantity, one.unit, last)
+    if known is None:
         return
-    key = f"mpe_{one.unit}"
-    mpe = now["points"][0][key]
-    if mpe is None:
-        return
-    line = now["characteristic"]["zero_error"]
-    zero, u = line[f"value_{one.unit}"], line[f"u_{one.unit}"]
-    errors = [point["error"][f"value_{one.unit}"] for point in now["points"]]
-    margin = mpe - max(abs(error - zero) for error in errors)
+    (margin, u), quantity = known, one.quantity.partition(" ")[0]
     t = quantile(LEVEL, one.n - 2)
 
     def reached(days: float) -> bool:
