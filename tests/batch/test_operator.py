@@ -421,3 +421,33 @@ def test_the_slowest_are_the_first_of_all_sorted(tmp_path, monkeypatch, count):
     store.write("run/times/0123456789abcdef.jsonl", b"".join(lines[::-1]))  # as earlier versions
     store.remove(first)
     assert slowest(store, count) == expected[:count]
+
+
+@pytest.mark.parametrize("content", ['{"a', "[1]", "\udcff"])
+def test_damaged_files_of_runs_cost_no_result_and_no_answer(tmp_path, content):
+    """The index, the times, the options: what they held is found out again, or not said."""
+    archive, results = archive_of(tmp_path / "archive", 2), tmp_path / "results"
+    settle(archive)
+    assert run(archive, results, "--workers", "1").returncode == 0
+    before, content = recent(results), content.encode(errors="surrogateescape")
+    times = next(results.glob("run/times/*"))
+    (results / "run" / "times" / f"9{times.name[1:]}").write_bytes(content + b"\n")
+    (results / "run" / "options.json").write_bytes(content)
+    for index in results.glob("run/seen/*/*"):
+        index.write_bytes(content)
+    slow = call("results", results, "--slow", "5")
+    assert slow.returncode == 0
+    assert "00/car-0001.txt" in slow.stdout
+    why = call("batch", "-o", results, "--why", "00/car-0001.txt")
+    assert f"measure it again: wheelplane batch {archive}" in why.stdout
+    done = run(archive, results, "--workers", "1")
+    assert done.returncode == 0, done.stderr
+    assert "2 recognised" in done.stdout
+    assert recent(results) == before
+    assert "2 done before; now: nothing new" in run(archive, results, "--workers", "1").stdout
+    (results / "run" / "begun.json").write_bytes(content)
+    assert "measure it again: " in call("batch", "-o", results, "--why", "00/car-0001.txt").stdout
+    refused = run(archive, results)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert "run/begun.json: damaged: remove it" in refused.stderr

@@ -7,6 +7,7 @@ import json
 import math
 import time
 import uuid
+from collections.abc import Iterator
 
 from ...errors import printable
 from ...system import STAGES, frozen
@@ -65,21 +66,32 @@ class Times:
 def slowest(results: Store, count: int) -> list[CaptureTime]:
     """Return the measurements that took longest, each result once.
 
-    Files whose bound is below all of them are not read.
+    Files whose bound is below all of them are not read, and damaged lines are passed over.
     """
     found: list[CaptureTime] = []
     for bound_s, name in sorted(((_bound_s(n), n) for n in results.names(FOLDER)), reverse=True):
         if len(found) == count and found[-1].total_s >= bound_s:
             break
         longest: dict[str, CaptureTime] = {one.key: one for one in found}
-        for line in results.read(name).splitlines():
-            one = CaptureTime(*json.loads(line))
+        for one in _read(results.read(name)):
             if math.isfinite(bound_s) and len(found) == count and one.total_s < found[-1].total_s:
                 break
             if one.key not in longest or one.total_s > longest[one.key].total_s:
                 longest[one.key] = one
         found = heapq.nlargest(count, longest.values(), key=lambda one: one.total_s)
     return found
+
+
+def _read(data: bytes) -> Iterator[CaptureTime]:
+    """Yield the times of a file in its order."""
+    for line in data.splitlines():
+        try:
+            one = CaptureTime(*json.loads(line))
+            known = isinstance(one.name, str) and math.isfinite(one.total_s + one.memory_bytes)
+        except (ValueError, TypeError, AttributeError):
+            continue
+        if known:
+            yield one
 
 
 def _bound_s(name: str) -> float:

@@ -107,8 +107,7 @@ def _next(store: Store, name: str, kind: str) -> list[str]:
 
     name: of the capture, or a status of `--retry`; kind: empty of a status.
     """
-    given = json.loads(store.read(OPTIONS)) if store.exists(OPTIONS) else {}
-    known = json.loads(store.read(MANIFEST)) if store.exists(MANIFEST) else {}
+    given, known = (_stated(store, file) for file in (OPTIONS, MANIFEST))
     archive = known.get("archive", "ARCHIVE")
     lines = []
     if known and kind:
@@ -118,6 +117,15 @@ def _next(store: Store, name: str, kind: str) -> list[str]:
         lines.append(f"see its targets: {alone}")
     again = ["wheelplane", "batch", archive, "-o", store.url, "--retry", name, *_flat(given)]
     return [*lines, f"measure it again: {_pasted(again)}"]
+
+
+def _stated(store: Store, file: str) -> dict[str, str]:
+    """Return what a file of a run states; nothing where it is missing or damaged."""
+    try:
+        tree = json.loads(store.read(file)) if store.exists(file) else {}
+    except ValueError:
+        return {}
+    return tree if isinstance(tree, dict) else {}
 
 
 def _flat(options: dict[str, str]) -> list[str]:

@@ -12,6 +12,7 @@ import sqlite3
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -90,16 +91,22 @@ class ResultIndex:
         self._database.close()
 
     def load(self) -> None:
-        """Read the indices of earlier runs, and which results exist."""
+        """Read the indices of earlier runs, and which results exist.
+
+        What a damaged index held is found out again.
+        """
         keys = ((name[-69:-5],) for name in self._results.names("measurements/"))
         self._database.execute("BEGIN")
         self._database.executemany("INSERT OR IGNORE INTO present(key) VALUES (?)", keys)
         for file in self._results.list(FOLDER):
-            rows = json.loads(b"[%s]" % b",".join(self._results.read(file.name).splitlines()))
-            if file.name.startswith(self._folder):
-                self._database.executemany("INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)", rows)
-            else:
-                self._name((name, key) for name, _, key, _ in rows)
+            data = self._results.read(file.name)
+            with suppress(ValueError, TypeError, sqlite3.Error):
+                rows = json.loads(b"[%s]" % b",".join(data.splitlines()))
+                if file.name.startswith(self._folder):
+                    known = "INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)"
+                    self._database.executemany(known, rows)
+                else:
+                    self._name((name, key) for name, _, key, _ in rows)
         self._database.execute("COMMIT")
 
     def mark_undone(self, keys: Iterable[str]) -> None:

@@ -19,8 +19,8 @@ def differences(results: Store, request: RunRequest) -> list[str]:
     if not results.exists(FILE) or next(results.list("measurements/"), None) is None:
         return []
     try:
-        before = json.loads(results.read(FILE))
-    except ValueError as error:
+        before = dict(json.loads(results.read(FILE)))
+    except (ValueError, TypeError) as error:
         raise InputError(f"{results.url}/{FILE}: damaged: remove it") from error
     now = _manifest(request)
     return [
