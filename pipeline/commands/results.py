@@ -310,7 +310,8 @@ def results(
             return _show_calibrations(catalogue, query, files)
         exported = _export(catalogue, which, files)
         exported |= _report(catalogue, results, query, modes, worst, reports, options)
-        for number, mode in enumerate(modes or ([] if exported else ["list"])):
+        listed = [] if exported and not as_json else ["list"]
+        for number, mode in enumerate(modes or listed):
             if number:
                 click.echo()
             _list(catalogue, query, mode, worst or 0)
@@ -368,7 +369,8 @@ def _of_machine(folder: str, serial: str, as_json: bool) -> int:
 def _show_calibrations(catalogue: Catalogue, query: Query, files: dict[str, Path | None]) -> int:
     """Print or export the calibrations; return 0 if each machine is shown to conform."""
     found = list_calibrations(catalogue, query.which)
-    if not _export_columns(calibration_columns(found), files, "calibrations"):
+    exported = _export_columns(calibration_columns(found), files, "calibrations")
+    if query.as_json or not exported:
         listed = found[: query.limit]
         if query.as_json:
             rows = [listing.plain(one) for one in listed]

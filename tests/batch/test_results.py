@@ -798,6 +798,17 @@ def test_csv_is_printed_as_it_is_written(results, tmp_path):
     assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("option", ["--csv", "--html"])
+def test_json_is_printed_beside_a_file(results, tmp_path, option):
+    alone = run(results, "--json", "--status", "ok").stdout
+    beside = run(results, "--json", "--status", "ok", option, tmp_path / "file")
+    assert json.loads(beside.stdout) == json.loads(alone)
+    assert (tmp_path / "file").stat().st_size > 0
+    both = run(results, "--calibrations", "--json", "--csv", tmp_path / "list.csv")
+    assert json.loads(both.stdout)["calibrations"] == []
+    assert run(results, option, tmp_path / "file").stdout == ""
+
+
 @pytest.mark.parametrize("kind", ["csv", "xlsx", "html"])
 def test_no_table_replaces_the_index(results, kind):
     catalogue = Path(results) / "catalogue.sqlite"
