@@ -10,7 +10,14 @@ import click
 
 from ..config import load_config
 from ..errors import InputError
-from ..five_point import FivePointFile, check_blocks, measure_five_point, read_five_point, tcgc_2013
+from ..five_point import (
+    FivePointFile,
+    check_blocks,
+    check_radius,
+    measure_five_point,
+    read_five_point,
+    tcgc_2013,
+)
 from ..measurement import assess, check_by_monte_carlo, conforms, tolerance_for
 from ..report.format.view import PAPER, AngleStyle, Convention, DigitStyle, read_view
 from ..report.json.measurement import to_json
@@ -152,6 +159,8 @@ def five_point(
                 "--html, --pdf and --plot with --method tcgc-2013: its tables are reproduced as "
                 "they were printed: leave them out"
             )
+        if radius is not None:
+            check_radius(points.blocks_m, radius, points.source)
         text = tcgc_2013_text(tcgc_2013(points.blocks_m, table))
         if output:
             write_whole(output, text.encode())

@@ -312,6 +312,10 @@ def test_the_estimator_of_2013_prints_as_before_and_names_the_block(wrong):
 
 def test_radius_is_an_option(tmp_path):
     assert run("five-point", PAPER, "--radius", 88).return_value == 0
+    for method in ("tls", "tcgc-2013"):
+        done = run("five-point", PAPER, "--radius", 60, "--method", method)
+        assert "mm radius, not 60 mm: check --radius" in str(done.exception)
+        assert done.stdout == ""
     blocks = paper()
     blocks[4] = blocks[4].mean(axis=0) + 1.3 * (blocks[4] - blocks[4].mean(axis=0))
     path = tmp_path / "five.txt"
