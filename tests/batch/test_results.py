@@ -793,6 +793,25 @@ def test_tables_and_ranges_hold_the_numbers_of_captures_in_doubt(tmp_path):
         assert [len(one.values) for one in series(catalogue, ["RR toe"])] == [2]
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_quantity_has_one_name_in_tables_choices_and_pictures(results, tmp_path, language):
+    words = load_translations(language)
+    named = dict(answer("overview", results, {}, words)["quantities"])
+    assert named["RR toe"] == f"{words.wheel('RR')} {words.known('quantity', 'toe')}"
+    trends = answer("trends", results, {}, words)
+    rows = [row[0] for row in trends["table"]["rows"]]
+    assert rows == [named[quantity] for quantity in trends["quantities"]]
+    assert answer("chart", results, {"quantity": "RR toe"}, words)["name"] == named["RR toe"]
+    key = answer("captures", results, {"status": "ok"}, words)["keys"][0]
+    wheels = answer("capture", results, {"key": key}, words)["tables"][0]["rows"]
+    assert [row[:2] for row in wheels[:4]] == [
+        2 * [words.wheel(name)] for name in ("RR", "RL", "FR", "FL")
+    ]
+    report = tmp_path / "report.html"
+    run(results, "--drift", "--quantity", "RR toe", "--html", report, "--language", language)
+    assert f"<title>{words('page.drift')}: {named['RR toe']}</title>" in report.read_text("utf-8")
+
+
 def test_csv_is_printed_as_it_is_written(results, tmp_path):
     run(results, "--csv", tmp_path / "table.csv")
     assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text(encoding="utf-8")

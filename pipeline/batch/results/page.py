@@ -23,6 +23,7 @@ from .tables import (
     drift_table,
     expanded,
     failures_table,
+    quantity_name,
     summary_table,
     value,
     verticals_note,
@@ -113,7 +114,7 @@ def _drifts(
     names = [one.quantity for one in marked]
     drawn = series(catalogue, names, chosen.which) if names else ()
     pictures = [
-        trend_drawing(one, line, writer.words.known("quantity", one.quantity), words)
+        trend_drawing(one, line, quantity_name(one.quantity, writer), words)
         for one, line in zip(drawn, marked, strict=True)
     ]
     parts: list[Part] = [

@@ -33,6 +33,7 @@ from ...batch.results.tables import (
     drift_table,
     expanded,
     failures_table,
+    quantity_name,
     unlike_verticals,
 )
 from ...batch.results.trend_plot import trend_drawing
@@ -97,17 +98,13 @@ def plot(folder: Path, parameters: Parameters, words: Translations) -> str:
         line = drifts(catalogue, [quantity], which)
     if not found or not line or not math.isfinite(line[0].slope):
         raise RefusedError(404, words("page.no_trend"))
-    return trend_drawing(found[0], line[0], quantity_name(quantity, words), words).svg
-
-
-def quantity_name(quantity: str, words: Translations) -> str:
-    """Return the displayed name of a quantity of the catalogue, such as `RR toe`."""
-    wheel, _, kind = quantity.rpartition(" ")
-    return f"{wheel} {words.known('quantity', kind)}".strip()
+    name = quantity_name(quantity, Writer(words, PAPER))
+    return trend_drawing(found[0], line[0], name, words).svg
 
 
 def _overview(catalogue: Catalogue, _: Parameters, words: Translations) -> dict[str, Any]:
     """Return the number of captures of each status, and the choices of vehicle and quantity."""
+    writer = Writer(words, PAPER)
     of_status = {status: count(catalogue, Filter(status=(status,))) for status in STATUSES}
     rows = catalogue.connection.execute(
         "SELECT DISTINCT vehicle FROM captures WHERE vehicle <> '' ORDER BY vehicle LIMIT 1000"
@@ -116,7 +113,7 @@ def _overview(catalogue: Catalogue, _: Parameters, words: Translations) -> dict[
         "total": sum(of_status.values()),
         "statuses": [[s, words(f"page.{s}"), n] for s, n in of_status.items()],
         "vehicles": [vehicle for (vehicle,) in rows],
-        "quantities": [[q, quantity_name(q, words)] for q in quantity_units(catalogue)],
+        "quantities": [[q, quantity_name(q, writer)] for q in quantity_units(catalogue)],
         "verticals": [[v, words.known("page", f"vertical_{v}")] for v in verticals(catalogue)],
     }
 
@@ -173,7 +170,7 @@ def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) 
     if found is None:
         raise RefusedError(404, "no such capture in these results")
     wheels = [
-        [w.name, w.wheel or NONE, words.known("status", w.status),
+        [words.wheel(w.name), words.wheel(w.wheel or NONE), words.known("status", w.status),
          *_angle(w.toe_deg, w.u_toe_deg, words), *_angle(w.camber_deg, w.u_camber_deg, words)]
         for w in wheels_of(catalogue, found.key)
     ]  # fmt: skip
@@ -242,7 +239,7 @@ def _chart(catalogue: Catalogue, parameters: Parameters, words: Translations) ->
     chart = control_chart(catalogue, quantity, filter_of(parameters))
     if chart is None:
         raise RefusedError(404, words("page.no_chart"))
-    return chart_tree(chart, quantity_name(quantity, words), words)
+    return chart_tree(chart, quantity_name(quantity, Writer(words, PAPER)), words)
 
 
 def _why(catalogue: Catalogue, key: str) -> str:
