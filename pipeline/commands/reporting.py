@@ -15,7 +15,7 @@ from ..report.format.laboratory import read_laboratory
 from ..report.format.language import LANGUAGES, Translations, load_translations
 from ..report.format.report_options import ReportOptions
 from ..report.format.view import View
-from ..report.write import write_files
+from ..report.write import write_result
 from .progress import TerminalProgress
 
 SCREEN = "-"  # of --plot
@@ -76,12 +76,16 @@ def plot_to(
     conformity: Conformity | None,
     options: ReportOptions,
 ) -> list[Path]:
-    """Write the plots where --plot names a folder; return that folder."""
+    """Write the plots where --plot names a folder; return that folder.
+
+    Those of scans of an earlier measurement that this one does not replace are removed.
+    """
     if plot is None or plot == SCREEN:
         return []
-    from ..report.plots.files import plot_files
+    from ..report.plots.files import ANGLES, OF_SCANS, plot_files
 
-    write_files(Path(plot), plot_files(measurement, conformity, options.words, options.view))
+    files = plot_files(measurement, conformity, options.words, options.view)
+    write_result(Path(plot), files, ANGLES, OF_SCANS)
     return [Path(plot)]
 
 

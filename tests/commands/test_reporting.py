@@ -156,6 +156,20 @@ def test_five_point_writes_page_pdf_and_plots(wheelplane, tmp_path):
     assert not [name for name in names if name.startswith(("residuals", "histogram"))]
 
 
+def test_plots_of_scans_of_an_earlier_measurement_do_not_stay(wheelplane, tmp_path):
+    plots, mine = tmp_path / "plots", ("residuals.svg", "residuals-mine.txt", "notes.txt")
+    stale = [f"{kind}-9.{form}" for kind in ("residuals", "histogram", "profile")
+             for form in ("svg", "png")]  # fmt: skip
+    plots.mkdir()
+    for name in (*stale, *mine):
+        (plots / name).write_text(name)
+    wheelplane("five-point", FIGURE_4, "--plot", plots)
+    kept = {path.name for path in plots.iterdir()}
+    assert kept >= {*stale, *mine, "angles.txt"}  # of no measurement that a folder held
+    wheelplane("five-point", FIGURE_4, "--plot", plots)
+    assert {path.name for path in plots.iterdir()} == kept - set(stale)
+
+
 def test_a_plot_in_the_terminal_leaves_json_alone(wheelplane):
     code, out, _ = wheelplane("five-point", FIGURE_4, "--plot", "-")
     assert code == 0

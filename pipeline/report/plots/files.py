@@ -18,12 +18,16 @@ from .residuals import histogram_drawing, profile_drawing
 from .target_face import face_drawing
 from .top_view import top_drawing
 
+ANGLES = "angles.txt"  # which every measurement has
+OF_SCANS = ("residuals-*.svg", "residuals-*.png", "histogram-*.svg", "histogram-*.png",
+            "profile-*.svg", "profile-*.png")  # fmt: skip
+
 
 def plot_files(
     measurement: Measurement, conformity: Conformity | None, words: Translations, view: View
 ) -> dict[str, bytes]:
     """Return name and content of each file; same measurement, same bytes."""
-    files = {"angles.txt": angles_text(measurement, conformity, words, view).encode()}
+    files = {ANGLES: angles_text(measurement, conformity, words, view).encode()}
     for stem, drawing in _drawings(measurement, conformity, words, view):
         name = file_name(stem, "svg", files)
         files[name] = drawing.svg.encode()
