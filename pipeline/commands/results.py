@@ -284,9 +284,6 @@ def results(
     written = [*files.values(), html_file, pdf_file]
     if sql is not None and (modes or any(written) or quantities or limit or which != ALL):
         raise click.UsageError("--sql stands alone: write the selection into the SELECT")
-    named = [path.absolute() for path in written if path is not None]
-    if len(set(named)) < len(named):
-        raise click.UsageError("two tables or reports into one file: name a file for each")
     if PIPE in (xlsx_file, parquet_file, html_file, pdf_file):
         raise InputError(
             "--xlsx -, --parquet -, --html -, --pdf -: only --csv is printed: give a file"

@@ -137,11 +137,20 @@ def write_result(
 
 
 def keep_inputs(outputs: Iterable[Path | None], inputs: Iterable[Path]) -> None:
-    """Raise InputError where an output of a command would replace a file that it reads."""
+    """Raise InputError where an output of a command would replace a file that it reads, or writes.
+
+    What is no regular file, such as /dev/stdout, takes several.
+    """
     read = [path for path in inputs if path.exists()]
+    named = set[Path]()
     for path in outputs:
-        if path is not None and path.is_file() and any(path.samefile(one) for one in read):
+        if path is None or (path.exists() and not path.is_file()):
+            continue
+        if path.is_file() and any(path.samefile(one) for one in read):
             raise InputError(f"{path}: this command reads it: give another path for its output")
+        if path.resolve() in named:
+            raise InputError(f"{path}: two outputs go to this file: give a path for each")
+        named.add(path.resolve())
 
 
 def write_whole(path: Path, content: bytes) -> Path:

@@ -817,6 +817,13 @@ def test_csv_is_printed_as_it_is_written(results, tmp_path):
     assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text(encoding="utf-8")
 
 
+def test_two_tables_do_not_go_into_one_file(results, tmp_path):
+    done = run(results, "--csv", tmp_path / "table", "--parquet", tmp_path / "." / "table")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "two outputs go to this file: give a path for each" in done.stderr
+    assert not (tmp_path / "table").exists()
+
+
 @pytest.mark.parametrize("option", ["--csv", "--html"])
 def test_json_is_printed_beside_a_file(results, tmp_path, option):
     alone = run(results, "--json", "--status", "ok").stdout

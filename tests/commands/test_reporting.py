@@ -156,6 +156,19 @@ def test_five_point_writes_page_pdf_and_plots(wheelplane, tmp_path):
     assert not [name for name in names if name.startswith(("residuals", "histogram"))]
 
 
+def test_two_reports_do_not_go_into_one_file(wheelplane, tmp_path):
+    """The later one would replace the other, without a word."""
+    one, same = tmp_path / "report", tmp_path / "." / "x" / ".." / "report"
+    (tmp_path / "x").mkdir()
+    for first, second in (("-o", "--html"), ("--html", "--pdf"), ("-o", "--pdf")):
+        code, out, err = wheelplane("five-point", FIGURE_4, first, one, second, same)
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert "two outputs go to this file: give a path for each" in err
+        assert not one.exists()
+    code, out, _ = wheelplane("five-point", FIGURE_4, "-o", "/dev/null", "--html", "/dev/null")
+    assert (code, out.count("wrote /dev/null")) == (0, 2)
+
+
 def test_plots_of_scans_of_an_earlier_measurement_do_not_stay(wheelplane, tmp_path):
     plots, mine = tmp_path / "plots", ("residuals.svg", "residuals-mine.txt", "notes.txt")
     stale = [f"{kind}-9.{form}" for kind in ("residuals", "histogram", "profile")
