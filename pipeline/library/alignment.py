@@ -18,6 +18,7 @@ from ..measurement import (
     UNITS,
     WHEEL_BY_RUNOUT,
     WHEEL_BY_SWEEP,
+    Conformity,
     Estimate,
     Measurement,
     VerticalKind,
@@ -121,11 +122,13 @@ class Alignment(Mapping[str, Value]):
 
     Two are equal when all their quantities are. It can be copied and pickled.
     measurement: the record with the evidence behind it. file: the measurement.json that it was read
-    from; None of one that was measured.
+    from; None of one that was measured. conformity: to the limits that this file states; None
+    without such.
     """
 
     measurement: Measurement = field(repr=False)
     file: Path | None = field(default=None, repr=False)
+    conformity: Conformity | None = field(default=None, repr=False)
 
     @cached_property
     def wheels(self) -> Mapping[str, Wheel]:
@@ -191,7 +194,7 @@ class Alignment(Mapping[str, Value]):
 
     def json(self) -> str:
         """Return measurement.json, the contract `wheelplane/measurement/1`."""
-        return to_json(self.measurement)
+        return to_json(self.measurement, self.conformity)
 
     def text(
         self,
@@ -208,7 +211,7 @@ class Alignment(Mapping[str, Value]):
         "16in". convention: of signs, "default", "iso-8855" or "german-workshop". Raises InputError.
         """
         view = report_options(self._vertical, "en", axis, angles, convention, rim).view
-        return detailed_report(self.measurement, view=view)
+        return detailed_report(self.measurement, self.conformity, view)
 
     def html(
         self,
@@ -221,7 +224,7 @@ class Alignment(Mapping[str, Value]):
     ) -> str:
         """Return report.html, one file that needs no network; options as of `text`."""
         options = report_options(self._vertical, language, axis, angles, convention, rim)
-        return html_report(self.measurement, None, options)
+        return html_report(self.measurement, self.conformity, options)
 
     def save(
         self,
@@ -247,7 +250,7 @@ class Alignment(Mapping[str, Value]):
             )
         options = report_options(self._vertical, language, axis, angles, convention, rim)
         wanted = ReportFiles(pdf=pdf)
-        return write_reports(self.measurement, Path(folder), options=options, wanted=wanted)
+        return write_reports(self.measurement, Path(folder), self.conformity, options, wanted)
 
     @property
     def _vertical(self) -> VerticalKind:

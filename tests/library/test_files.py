@@ -11,6 +11,9 @@ import pytest
 import wheelplane as wp
 from tests.support.made import write_small_capture
 from wheelplane.library.files import open_measurement, read_five_point
+from wheelplane.measurement import assess, tolerance_of
+from wheelplane.report.json.measurement import to_json
+from wheelplane.report.json.stored import read_measurement
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +55,27 @@ def test_an_opened_measurement_keeps_the_folder_that_it_is_from(saved, tmp_path,
     again.save(tmp_path / "pt", language="pt")
     again.save(tmp_path / "pt", language="en")
     assert open_measurement(tmp_path / "pt") == again
+
+
+def test_limits_and_verdict_of_a_file_are_those_of_what_is_read_from_it(saved, tmp_path):
+    folder, measured = saved
+    read, _ = read_measurement(folder / "measurement.json", "measurement.json")
+    limits = {"front": {"toe": {"lower_deg": -0.01, "upper_deg": 0.01}}}
+    judged = assess(read, tolerance_of(limits, "limits"))
+    (tmp_path / "measurement.json").write_text(to_json(read, judged), encoding="utf-8")
+    again = open_measurement(tmp_path)
+    again.save(tmp_path / "copy")
+    trees = [json.loads(text) for text in (
+        (tmp_path / "measurement.json").read_text(), again.json(),
+        (tmp_path / "copy" / "measurement.json").read_text(),
+    )]  # fmt: skip
+    for key in ("verdict", "conformity"):
+        assert trees[0][key] is not None
+        assert trees[0][key] == trees[1][key] == trees[2][key]
+    assert trees[1]["provenance"] == trees[0]["provenance"]
+    for text in (again.text(), again.html(), (tmp_path / "copy" / "report.txt").read_text()):
+        assert "nonconforming" in text
+    assert json.loads(measured.json())["verdict"] is None
 
 
 def test_an_edited_angle_is_refused_with_both_values(saved, tmp_path):
