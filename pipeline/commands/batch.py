@@ -110,7 +110,7 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
     yet done. If RESULTS were created with another archive, settings or version, it asks first,
     since captures that these change are then measured anew; --resume answers yes.
 
-    Exits with 1 when a capture failed, or was measured in part.
+    Exits with 1 when a capture in ARCHIVE failed, or was measured in part.
     """
     if archive is None and options["retry"] is not None:  # it follows --retry, which takes no value
         archive, options["retry"] = options["retry"], "failed"

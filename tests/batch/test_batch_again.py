@@ -241,6 +241,25 @@ def test_shards_replace_what_changed_in_their_part(tmp_path, forgotten):
     ]
 
 
+@pytest.mark.parametrize("shard", ["1/1", "1/2"])
+def test_a_failure_that_left_the_archive_is_none_of_its_captures(tmp_path, shard):
+    """Its row stays, as any; the exit code is of what the archive holds."""
+    archive, results = archive_of(tmp_path / "archive", 2), tmp_path / "results"
+    bad = next(f"bad-{n}.txt" for n in range(9) if Shard(1, 2).holds(f"bad-{n}.txt"))
+    (archive / bad).write_text("1 2 3\n")
+    settle(archive)
+    options = ("--workers", "1", "--shard", shard)
+    assert run(archive, results, *options).returncode == 1
+    (archive / bad).unlink()
+    done = run(archive, results, *options)
+    assert "1 no longer in the archive" in done.stdout
+    assert statuses(results)[bad] == "failed"
+    assert done.returncode == 0, done.stdout
+    (archive / bad).write_text("1 2 3\n")
+    settle(archive)
+    assert run(archive, results, *options).returncode == 1
+
+
 @pytest.mark.parametrize("forgotten", [False, True])
 def test_results_of_captures_that_left_the_archive_stay_and_are_reported(tmp_path, forgotten):
     archive = archive_of(tmp_path / "archive", 5)

@@ -36,7 +36,8 @@ def summary(
 ) -> tuple[str, bool]:
     """Return the text, and whether all captures, of a shard its own, were measured in full.
 
-    catalogue: None without results.
+    Those that are no longer in the archive are left out of the latter. catalogue: None without
+    results.
     """
     new = _numbers(counts.done) or "nothing new"
     lines = [f"{counts.known} done before; now: {new}"]
@@ -76,12 +77,12 @@ def summary(
         lines.append(f"        such as {name}")
     lines += _calibrations(catalogue, results)
     lines += ["", f"next: wheelplane results {results}"]
-    return "\n".join(map(printable, lines)), held["ok"] == held.total() and not missing
+    return "\n".join(map(printable, lines)), not missing and _is_fine(catalogue, shard)
 
 
 def _is_fine(catalogue: Catalogue, shard: Shard) -> bool:
-    """Return whether the catalogue has no capture of a shard that was not measured in full."""
-    unlike = captures(catalogue, Filter(status=STATUSES[1:]))
+    """Return whether each capture of a shard that is in the archive was measured in full."""
+    unlike = captures(catalogue, Filter(status=STATUSES[1:], removed=False))
     return not any(shard.holds(row.name) for row in unlike)
 
 
