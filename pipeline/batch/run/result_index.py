@@ -100,7 +100,7 @@ class ResultIndex:
         self._database.executemany("INSERT OR IGNORE INTO present(key) VALUES (?)", keys)
         for file in self._results.list(FOLDER):
             data = self._results.read(file.name)
-            with suppress(ValueError, TypeError, sqlite3.Error):
+            with suppress(ValueError, TypeError, sqlite3.ProgrammingError, sqlite3.InterfaceError):
                 rows = json.loads(b"[%s]" % b",".join(data.splitlines()))
                 if file.name.startswith(self._folder):
                     known = "INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)"
