@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from tests.support.reported import ANGLES, TURNS, lost, many, measured, off_m, renamed, scan
+from wheelplane.measurement import by_kind, stated
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.records import Evidence
 from wheelplane.measurement.tolerance.model import Tolerance
@@ -211,7 +212,10 @@ def test_the_factor_is_round_and_keeps_angles_small():
 
 
 def test_budget_bars_are_as_long_as_their_shares():
-    drawing = wheel_budget(measured(1), "FL", EN, "rear-axle")
+    made = measured(1)
+    known = by_kind(stated(made), "rear-axle")
+    angles = [known["FL", kind] for kind in ("toe", "camber")]
+    drawing = wheel_budget(angles, made.uncertainty.components, EN)
     bars = [np.asarray(m.points) for m in drawing.marks
             if isinstance(m, Path) and m.fill != "none"]  # fmt: skip
     rows: dict[float, float] = {}

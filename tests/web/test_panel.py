@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import cProfile
+import pstats
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tests.support.paths import FIGURE_4
 from tests.support.turning import Scene, rolled, swept
+from wheelplane.five_point import measure_five_point, read_five_point
 from wheelplane.measurement import assess
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import LANGUAGES, load_translations
@@ -13,6 +19,7 @@ from wheelplane.report.format.report_options import ReportOptions
 from wheelplane.report.format.view import CONVENTIONS, STYLES_WITHOUT_RIM
 from wheelplane.report.html.page import page_of
 from wheelplane.vehicle import AXES
+from wheelplane.web.content.measuring import write_results
 from wheelplane.web.content.panel import panel, view_of
 
 ZONE = {"lower_deg": -0.5, "upper_deg": 1.0}
@@ -65,3 +72,18 @@ def test_another_axis_unit_or_convention_is_seen_in_each_part(turned):
     }  # fmt: skip
     before, after = (float(text.strip("°")) for text in values.values())
     assert before == -after != 0.0
+
+
+def test_the_quantities_are_listed_as_often_whatever_the_number_of_trials(tmp_path):
+    """Each list holds those of all trials: one a trial would grow by the square of their number."""
+    points, calls = read_five_point(FIGURE_4), []
+    for trials in (1, 4):
+        measurement = measure_five_point(replace(points, blocks_m=points.blocks_m[: 4 + trials]))
+        out = tmp_path / str(trials)
+        out.mkdir()
+        profile = cProfile.Profile()
+        profile.runcall(write_results, measurement, None, out)
+        counted = pstats.Stats(profile).stats.items()
+        calls.append(sum(found[0] for (_, _, name), found in counted if name == "stated"))
+        assert len(list(out.glob("drawing-*.svg"))) == 2 * (4 + trials)
+    assert calls[0] == calls[1]

@@ -60,6 +60,8 @@ def _card(
         face=face_drawing(result, measurement.frame, words, coarser),
         histogram=histogram_drawing(result, words),
         profile=profile_drawing(result, words),
-        budget=wheel_budget(measurement, name, words, writer.view.axis) if measured else None,
+        budget=wheel_budget(angles, measurement.uncertainty.components, words)
+        if measured
+        else None,
         facts=wheel_facts(result, writer),
     )

@@ -63,12 +63,12 @@ def vehicle_budget(measurement: Measurement, words: Translations, axis: Axis) ->
     )
 
 
-def wheel_budget(measurement: Measurement, name: str, words: Translations, axis: Axis) -> Drawing:
+def wheel_budget(
+    angles: Sequence[Stated], components: tuple[str, ...], words: Translations
+) -> Drawing:
     """Draw toe and camber of one wheel."""
-    kinds = ("toe", "camber")
-    found = [q for q in against(stated(measurement), axis) if q.subject == name and q.kind in kinds]
-    title = words("plot.budget_of", name=cut(words.wheel(name), 40))
-    return bars_drawing(found, measurement.uncertainty.components, words, title, alone=True)
+    title = words("plot.budget_of", name=cut(words.wheel(angles[0].subject), 40))
+    return bars_drawing(angles, components, words, title, alone=True)
 
 
 def bars_drawing(

@@ -23,8 +23,9 @@ from ...errors import InputError
 from ...files import lies_in
 from ...five_point import Station, measure_five_point, read_five_point
 from ...measure import measure_capture
-from ...measurement import Conformity, Measurement, assess, tolerance_for
+from ...measurement import Conformity, Measurement, assess, by_kind, stated, tolerance_for
 from ...report.format.language import LANGUAGES, load_translations
+from ...report.format.view import PAPER
 from ...report.json.measurement import to_json
 from ...report.json.stored import RECORD
 from ...report.scene.scene import scene
@@ -75,13 +76,14 @@ def measure(plan: dict[str, Any], send: Send) -> None:
 def write_results(measurement: Measurement, conformity: Conformity | None, out: Path) -> None:
     """Write measurement.json, panel, scene and drawings in each language, and a pickle."""
     (out / RECORD).write_text(to_json(measurement, conformity), encoding="utf-8")
+    known, number = by_kind(stated(measurement), PAPER.axis), itertools.count()
     for language in LANGUAGES:
         words = load_translations(language)
         shown = panel(measurement, conformity, words)
         for wheel, result in zip(shown["wheels"], measurement.wheels, strict=True):
             wheel["drawings"] = []
-            for drawing in drawings(measurement, result, words):
-                name = f"drawing-{language}-{len(list(out.glob('drawing-*')))}.svg"
+            for drawing in drawings(measurement, result, known, words):
+                name = f"drawing-{language}-{next(number)}.svg"
                 (out / name).write_text(drawing.svg, encoding="utf-8")
                 wheel["drawings"].append({"file": name, "title": drawing.title})
         _write_json(out / f"panel-{language}.json", shown)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from ...measurement import Conformity, Measurement, WheelResult
+from ...measurement import Conformity, Measurement, Stated, WheelResult
 from ...report.format.language import Translations
 from ...report.format.notes import notes_in
 from ...report.format.view import (
@@ -75,9 +75,15 @@ def panel(
 
 
 def drawings(
-    measurement: Measurement, result: WheelResult, words: Translations
+    measurement: Measurement,
+    result: WheelResult,
+    known: Mapping[tuple[str, str], Stated],
+    words: Translations,
 ) -> Iterator[Drawing]:
-    """Draw the evidence of one wheel: target, residuals, uncertainty budget."""
+    """Draw the evidence of one wheel: target, residuals, uncertainty budget.
+
+    known: the quantities by subject and kind.
+    """
     of_target = [
         face_drawing(result, measurement.frame, words),
         histogram_drawing(result, words),
@@ -85,7 +91,8 @@ def drawings(
     ]
     yield from (drawing for drawing in of_target if drawing is not None)
     if result.angles is not None:
-        yield wheel_budget(measurement, result.observation.name, words, PAPER.axis)
+        angles = [known[result.observation.name, kind] for kind in ("toe", "camber")]
+        yield wheel_budget(angles, measurement.uncertainty.components, words)
 
 
 def view_of(
