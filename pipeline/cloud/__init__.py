@@ -1,7 +1,7 @@
 """Passes over all points of a cloud: sample, crop, voxel grid, octree, moments."""
 
 from .lattice import VoxelLattice, find_lattice
-from .moments import SlabMoments, slab_moments
+from .moments import SlabMoments, raster_sums, slab_moments
 from .native import load_opencv
 from .octree import (
     CODE_BITS,
@@ -72,6 +72,7 @@ __all__ = [
     "over_chunks",
     "over_items",
     "random_rows",
+    "raster_sums",
     "sample",
     "sample_rows",
     "scattered",

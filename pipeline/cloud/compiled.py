@@ -51,6 +51,7 @@ SIGNATURES: dict[str, tuple[list[Any], Any]] = {
     "take": ([*STEPPED, DOUBLES, INTS, c_int64, DOUBLES], None),
     "take_single": ([*STEPPED, DOUBLES, INTS, c_int64, SINGLES], None),
     "slab_moments": ([*POINTS, *SLAB, *COUNTED, *COUNTED, *GRID, DOUBLES, DOUBLES], c_int64),
+    "raster_sums": ([DOUBLES] * 3 + [c_int64] * 3 + [DOUBLES, c_int64, DOUBLES], None),
     "voxel_moments": ([*POINTS, DOUBLES, c_double, *TABLE, LONGS, *COUNTED], c_int64),
     "in_voxels": ([*POINTS, DOUBLES, c_double, LONGS, c_int64, MARKS], c_int64),
 }
@@ -146,6 +147,18 @@ class Kernels:
             side, sums, edge,
         )  # fmt: skip
         return sums, edge[:found].copy()
+
+    def raster_sums(
+        self, uvw: Array, extra: Array | None, along: Array, shape: tuple[int, int], side: Array
+    ) -> Array:
+        """Return sums (cells, 5 or 6), as moments.raster_sums does; uvw: (3, N)."""
+        uvw, along, side = _plain(uvw), _plain(along), _plain(side)
+        columns = np.zeros(0) if extra is None else _plain(extra)
+        sums = np.zeros((shape[0] * shape[1], 5 if extra is None else 6))
+        self._library.raster_sums(
+            uvw, columns, along, uvw.shape[1], *shape, side, sums.shape[1], sums
+        )
+        return sums
 
     def voxel_moments(
         self, points: Array, low: Array, edge: float, capacity: int

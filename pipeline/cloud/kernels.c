@@ -265,6 +265,28 @@ EXPORT int64_t slab_moments(const char *points, int64_t step, int64_t count, con
     return found;
 }
 
+/* Add points (3, count) to the sums (cells, width) of a raster's cells (moments.raster_sums).
+
+   along: (2, count) coordinates along its columns and rows; extra: (count), where width is 6. */
+EXPORT void raster_sums(const double *uvw, const double *extra, const double *along, int64_t count,
+                        int64_t columns, int64_t rows, const double *side, int64_t width,
+                        double *sums)
+{
+    for (int64_t i = 0; i < count; i++) {
+        int64_t column = cell_of(along[i], side[0], columns);
+        int64_t row = cell_of(along[count + i], side[1], rows);
+        double *cell = sums + width * (row * columns + column);
+        double w = uvw[2 * count + i];
+        cell[0] += 1.0;
+        cell[1] += uvw[i];
+        cell[2] += uvw[count + i];
+        cell[3] += w;
+        cell[4] += w * w;
+        if (width > 5)
+            cell[5] += extra[i];
+    }
+}
+
 /* Voxels of the points of a piece: keys as voxel_grid.voxel_key, and the points relative to the
    middle of theirs, axis by axis. */
 typedef struct {

@@ -99,3 +99,24 @@ def slab_moments(
         total += part[0]
     edge = np.concatenate([part[1] for part in parts]) if parts else np.zeros((0, 3))
     return SlabMoments(total, edge, across, side)
+
+
+def raster_sums(
+    uvw_m: Array, extra: Array | None, along_m: Array, shape: tuple[int, int], side_m: Array
+) -> Array:
+    """Return the sums (cells, 5 or 6) of n, u, v, w, w w and `extra`, if any, by a raster's cells.
+
+    uvw_m: (M, 3). along_m: (2, M) coordinates along columns and rows. shape: number of columns and
+    rows, side_m: (2,) of a cell. Points beyond the raster count in its outer cells.
+    """
+    compiled = kernels()
+    if compiled is not None:
+        return compiled.raster_sums(uvw_m.T, extra, along_m, shape, side_m)
+    one, two = (
+        (at / side + 0.5 * number).clip(0, number - 1).astype(np.int64)
+        for at, side, number in zip(along_m, side_m, shape, strict=True)
+    )
+    u, v, w = uvw_m.T
+    columns = [None, u, v, w, w * w, *([] if extra is None else [extra])]
+    cell, number = two * shape[0] + one, shape[0] * shape[1]
+    return np.stack([np.bincount(cell, column, number) for column in columns], axis=1)

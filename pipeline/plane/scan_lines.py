@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..cloud import least_rows, over_chunks
+from ..cloud import least_rows, over_chunks, raster_sums
 from ..system import frozen
 from ..vectors import Array, Array32
 from .correlated_noise import POINTS_A_CELL, Cells, filled
@@ -83,7 +83,7 @@ def cells_along_lines(blocks: Blocks, step_m: float = 0.0) -> Iterator[Cells]:
 
     def sums_of(uvw: Array, extra: Array | None) -> list[Array]:
         along = to_lines @ uvw.T
-        return [_sums(uvw, extra, along, shape, side_m) for shape, side_m in rasters]
+        return [raster_sums(uvw, extra, along, shape, side_m) for shape, side_m in rasters]
 
     sums = blocks(sums_of)
     for k, (shape, side_m) in enumerate(rasters):
@@ -234,23 +234,6 @@ def _zoomed(x: Array, wave: Array, step: float) -> Array:
         place = np.unravel_index(np.argmax(power), power.shape)
         wave, reach = around[place, range(3)], ZOOM * reach
     return wave
-
-
-def _sums(
-    uvw_m: Array, extra: Array | None, along_m: Array, shape: tuple[int, int], side_m: Array
-) -> Array:
-    """Return the sums (cells, 5 or 6) of n, u, v, w, w w and the column fitted besides the plane.
-
-    along_m: (2, M) coordinates along either direction. shape: number of cells, side_m: (2,).
-    """
-    one, two = (
-        (at / side + 0.5 * number).astype(np.int64).clip(0, number - 1)
-        for at, side, number in zip(along_m, side_m, shape, strict=True)
-    )
-    u, v, w = uvw_m.T
-    columns = [None, u, v, w, w * w, *([] if extra is None else [extra])]
-    cell, number = two * shape[0] + one, shape[0] * shape[1]
-    return np.stack([np.bincount(cell, column, number) for column in columns], axis=1)
 
 
 def _cells(sums: Array, shape: tuple[int, int], side_m: Array) -> Cells | None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.support.paths import ROOT
-from wheelplane.cloud import all_within, compiled, selection, voxel_grid
+from wheelplane.cloud import all_within, compiled, moments, raster_sums, selection, voxel_grid
 from wheelplane.cloud.compiled import kernels
 from wheelplane.cloud.moments import sums_by
 from wheelplane.cloud.selection import coordinate_hash
@@ -130,6 +130,17 @@ def test_slab_moments_are_those_of_the_points_inside(points):
     np.testing.assert_allclose(sums, wanted, rtol=0, atol=COUNT * EPS)
     assert np.abs(sure[:, 1]).max() > 0.75  # so that clipping counts
     assert len(edge) > 100
+
+
+@pytest.mark.parametrize("extra", [None, np.arange(COUNT) / 7.0])
+def test_raster_sums_are_those_of_the_fallback_and_count_points_beyond(points, extra, monkeypatch):
+    uvw, along = points * [1.0, 1.0, 0.01], np.ascontiguousarray(points.T[:2] * 1.3)
+    given = (uvw, extra, along, (40, 5), np.array([0.05, 0.4]))
+    sums = raster_sums(*given)
+    monkeypatch.setattr(moments, "kernels", lambda: None)
+    np.testing.assert_array_equal(sums, raster_sums(*given))
+    assert sums[:, 0].sum() == COUNT
+    assert sums.shape == (200, 5 if extra is None else 6)
 
 
 @pytest.mark.parametrize("order", ["as drawn", "sorted"])

@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from wheelplane.cloud import raster_sums
 from wheelplane.plane.correlated_noise import MIN_CELLS, _dof, cells_of, filled
-from wheelplane.plane.scan_lines import _cells, _sums
+from wheelplane.plane.scan_lines import _cells
 
 
 def points(seed, across=7, down=5):
@@ -61,7 +62,7 @@ def test_cells_along_scan_lines_are_the_means_of_their_points(seed):
     along[1, row == 4] += 3.0
     side = np.ones(2)
     extra = np.arange(len(uvw)) / 7.0
-    cells = _cells(_sums(uvw, extra, along, (7, 5), side), (7, 5), side)
+    cells = _cells(raster_sums(uvw, extra, along, (7, 5), side), (7, 5), side)
     assert_cells(cells, uvw, column, row)
     for (c, r), mean in zip(cells.index, cells.extra[:, 0], strict=True):
         assert mean == pytest.approx(extra[(column == c) & (row == r)].mean())
