@@ -12,7 +12,7 @@ import numpy as np
 
 from ..system import frozen
 from ..units import LENGTH_UNITS, in_metres
-from ..vectors import Array, Mask, Rows
+from ..vectors import Array, Mask, Rows, fraction
 
 ROWS = 4096  # points that are looked at
 LEVEL_ROWS = 20_000  # the same for irregular levels
@@ -157,7 +157,7 @@ def scattered(count: int, most: int = ROWS) -> Rows:
     """Return rows of `count`, `most` at most, in the order of a sequence without a period."""
     if count <= most:
         return np.arange(count)
-    return np.asarray((np.arange(most) * GOLDEN % 1.0 * count).astype(np.int64))
+    return np.asarray((fraction(np.arange(most) * GOLDEN) * count).astype(np.int64))
 
 
 def _local_step(values: Array, about: float, precision: float) -> float | None:

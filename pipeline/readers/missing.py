@@ -10,7 +10,7 @@ import numpy as np
 
 from ..cloud import coordinate_hash, coordinate_steps
 from ..system import frozen
-from ..vectors import Array, Mask, Rows
+from ..vectors import Array, Mask, Rows, fraction
 
 ROWS = 1 << 14  # points that are looked at, at most
 GOLDEN = 0.6180339887498949  # which half of a run: multiples of it, modulo 1, have no period
@@ -82,7 +82,7 @@ def rows_looked_at(start: int, stop: int, count: int) -> Rows:
     halvings = max(0, -(-count // ROWS) - 1).bit_length()
     rows = np.arange(start >> halvings, -(-stop >> halvings))
     for halving in range(halvings, 0, -1):
-        rows = 2 * rows + ((rows + halving) * GOLDEN % 1.0 < 0.5)
+        rows = 2 * rows + (fraction((rows + halving) * GOLDEN) < 0.5)
     return np.asarray(rows[(rows >= start) & (rows < stop)])
 
 

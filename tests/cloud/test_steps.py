@@ -8,6 +8,7 @@ import pytest
 from tests.support.scenes import Setup, make, rotation
 from wheelplane.cloud.steps import EXACT, Steps, coordinate_steps, level_step
 from wheelplane.units import LENGTH_UNITS, in_metres
+from wheelplane.vectors import fraction
 
 SQUARE = Setup(spacing_m=0.004, half_width_m=0.2, pairs=4, turned=False, incidence_deg=10.0)
 SCAN = make(SQUARE.but(shift_m=(3.0, -7.0, 1.5)), 1)
@@ -107,3 +108,11 @@ def test_levels_of_irregular_distance_have_about_their_own():
     step = level_step(values, 1e-16)
     assert np.diff(np.sort(depth)).min() <= step <= np.diff(np.sort(depth)).max()
     assert level_step(values[:5], 1e-16) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fractions_are_those_of_the_remainder(seed):
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=10_000) * 2.0 ** rng.uniform(-70, 70, 10_000)
+    values = np.concatenate([values, [0.0, -0.0, 0.5, -1.0, 2.0**53 - 1.0]])
+    assert np.array_equal(fraction(values), values % 1.0)
