@@ -74,18 +74,22 @@ def measure_capture(
     progress: Callable[[str], None] = lambda _: None,
     fit: Fit | None = None,
     vertical: VerticalKind = "wheels",
+    *,
+    mapped: bool = True,
 ) -> Measurement:
     """Measure toe, camber and the vehicle's quantities from a capture of scans.
 
-    fit: measures the target in a scan; `fit_target`, whose scans are measured several at once, or
-    one that calls it and looks at the points, of one scan after another.
-    vertical: from which camber, caster and SAI are measured.
+    fit: measures the target in a scan, one after another, such as one that calls `fit_target` and
+    looks at the points; that one by default, of several scans at once.
+    vertical: from which camber, caster and SAI are measured. mapped: whether residuals are mapped,
+    for the pictures of a report.
 
     Raises InputError for a scan that cannot be read, for wheels that cannot be identified, and for
     a reference wheel whose target cannot be measured; a trial that cannot be measured stays in the
     result with its status.
     """
-    observations, naming = observe_capture(capture, config, fit or fit_target, progress)
+    chosen = fit or partial(fit_target, mapped=mapped)
+    observations, naming = observe_capture(capture, config, chosen, progress, several=fit is None)
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
@@ -105,15 +109,19 @@ def measure_capture(
 
 
 def observe_capture(
-    capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None]
+    capture: Capture,
+    config: Config,
+    fit: Fit,
+    progress: Callable[[str], None],
+    several: bool = True,
 ) -> tuple[list[Observation], Naming | None]:
     """Observe every target, those of RR, RL, FR, FL first; return how a cloud's wheels were named.
 
     Scans of a vehicle that has rolled are carried to where it was in the others. A capture is scans
     of single wheels, whose names say which, or one scan of the whole vehicle. Where all scans
     together contradict the stated thickness of a target, they are measured again without it.
+    several: whether scans may be measured at once.
     """
-    several = fit is fit_target
     found, naming = _observed(capture, config, fit, progress, several)
     wrong = contradicted_thickness(found)
     if wrong:
@@ -136,9 +144,10 @@ def _observed(
     return observe_entries(capture, config, fit, progress, several), None
 
 
-def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
+def fit_target(patch: Patch, target: Target, config: Config, *, mapped: bool = True) -> Evidence:
     """Fit plane and centre of the target in `patch`, or axis and centre of the wheel itself.
 
+    mapped: whether the residuals of the plane are mapped.
     Raises NotMeasuredError.
     """
     if isinstance(target, WheelTarget):
@@ -158,6 +167,8 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
         plane = replace(plane, spaced_m=pull.distance_m)
         components = (*components, distance_component(pull.pull_m, fitted.normal))
     fitted = replace(fitted, components=components)
+    if not mapped:
+        return Evidence(fitted, plane)
     residuals = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, residuals)
 

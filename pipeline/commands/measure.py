@@ -152,7 +152,8 @@ def measure(
             explain_to(explain, opened, settings, options.words, as_json=as_json)
         model, name = opened.vehicle_model, str(capture)
         limits = None if tolerance is None else tolerance_for(tolerance, model, name)
-        measurement = measure_capture(opened, settings, progress, vertical=vertical)
+        mapped = output is not None or plot is not None
+        measurement = measure_capture(opened, settings, progress, vertical=vertical, mapped=mapped)
     if options.before:
         check_comparable(options.before, measurement)
     if max_draws:

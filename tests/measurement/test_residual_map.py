@@ -7,9 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.plates import patch_of
 from tests.support.printing import setup_of
 from tests.support.reported import PLAIN, evidence_of, margin_m
 from tests.support.scenes import make
+from wheelplane.config import Config
+from wheelplane.measure import fit_target
 from wheelplane.measurement.residual_map import (
     BINS,
     CELLS,
@@ -146,3 +149,14 @@ def test_smoothing_shows_a_form_of_a_tenth_of_a_millimetre_under_the_noise(share
     flat = smoothed(replace(face, residual_m=noise.astype(np.float32)))
     assert np.nanstd(flat.deviation_m) == pytest.approx(flat.u_m, rel=0.35)
     assert np.nanmax(smooth.deviation_m) > 0.6 * height_m
+
+
+def test_a_target_is_the_same_whether_its_residuals_are_mapped_or_not():
+    cloud, target, _ = made("disc-250")
+    patch = patch_of(cloud, target, 1)
+    plain, mapped = (fit_target(patch, target, Config(), mapped=way) for way in (False, True))
+    assert plain.face is None
+    assert mapped.face is not None
+    assert np.array_equal(plain.target.covariance, mapped.target.covariance)
+    assert np.array_equal(plain.target.centre_m, mapped.target.centre_m)
+    assert np.array_equal(plain.plane.basis, mapped.plane.basis)

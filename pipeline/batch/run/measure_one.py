@@ -166,7 +166,7 @@ def _measure(subject: Subject) -> tuple[Measurement, dict[str, Any] | None]:
     with open_capture(subject.source, settings.target, settings.options, subject.archive) as opened:
         named = None if settings.scanner else opened.scanner
         config = with_scanner(settings.config, named)
-        measurement = measure_capture(opened, config, vertical=settings.vertical)
+        measurement = measure_capture(opened, config, vertical=settings.vertical, mapped=False)
         origin = replace(measurement.provenance, source=subject.name)
         measurement = replace(measurement, provenance=origin)
         return measurement, _calibration(measurement, opened, subject)
