@@ -52,9 +52,14 @@ ISSUER = frozenset({"report", "laboratory", "standard", "environment"})
 
 
 class Section(BaseModel):
-    """A part of the configuration: unknown keys, wrong types, inf and nan are errors."""
+    """A part of the configuration: unknown keys, wrong types, inf and nan are errors.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+    Its validator is built when the first one is made: most commands need a few of all.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, strict=True, defer_build=True
+    )
 
 
 class SegmentConfig(Section):
