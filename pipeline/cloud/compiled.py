@@ -21,7 +21,9 @@ from ..vectors import Array, Array32, Mask, Rows
 
 SOURCE, LIBRARY = (Path(__file__).with_name(f"kernels.{suffix}") for suffix in ("c", "so"))
 ChunkRows = npt.NDArray[np.int32]  # indices of rows within a chunk
+Runs = tuple[ChunkRows, ChunkRows]
 Hashes = npt.NDArray[np.uint64]
+SHORTEST_RUN = 4  # points in one voxel, on average, for which runs of them are kept
 
 
 def _array(kind: type[np.generic]) -> Any:
@@ -52,7 +54,10 @@ SIGNATURES: dict[str, tuple[list[Any], Any]] = {
     "take_single": ([*STEPPED, DOUBLES, INTS, c_int64, SINGLES], None),
     "slab_moments": ([*POINTS, *SLAB, *COUNTED, *COUNTED, *GRID, DOUBLES, DOUBLES], c_int64),
     "raster_sums": ([DOUBLES] * 3 + [c_int64] * 3 + [DOUBLES, c_int64, DOUBLES], None),
-    "voxel_moments": ([*POINTS, DOUBLES, c_double, *TABLE, LONGS, *COUNTED], c_int64),
+    "voxel_moments": (
+        [*POINTS, DOUBLES, c_double, *TABLE, LONGS, *COUNTED, INTS, INTS, c_int64, LONGS],
+        c_int64,
+    ),
     "in_voxels": ([*POINTS, DOUBLES, c_double, LONGS, c_int64, MARKS], c_int64),
 }
 
@@ -162,18 +167,25 @@ class Kernels:
 
     def voxel_moments(
         self, points: Array, low: Array, edge: float, capacity: int
-    ) -> tuple[Rows, Array] | None:
-        """Return keys (C,) and sums (C, 10) of the voxels of points, all above low.
+    ) -> tuple[Rows, Array, Runs | None] | None:
+        """Return keys (C,), sums (C, 10) and runs of the voxels of points, all above low.
 
+        runs: (R,) first of successive points in one voxel, and the row of that; None where they
+        are hardly fewer than the points.
         None where they are more than three quarters of the capacity, a power of two.
         """
         room = 3 * capacity // 4
         slots, keys = np.full(capacity, -1, np.int32), np.empty(room, np.int64)
         sums = np.empty((room, 10))
+        starts, rows = np.empty((2, len(points) // SHORTEST_RUN), np.int32)
+        runs = np.empty(1, np.int64)
         used = self._library.voxel_moments(
-            *_stepped(points), _plain(low), edge, slots, capacity, keys, *_counted(sums)
-        )
-        return (keys[:used], sums[:used]) if used >= 0 else None
+            *_stepped(points), _plain(low), edge, slots, capacity, keys, *_counted(sums),
+            starts, rows, len(starts), runs,
+        )  # fmt: skip
+        count = int(runs[0])
+        of_points = (starts[:count], rows[:count]) if count <= len(starts) else None
+        return (keys[:used], sums[:used], of_points) if used >= 0 else None
 
     def in_voxels(self, points: Array, low: Array, edge: float, table: Rows) -> Mask:
         """Return which of points, all above low, lie within voxels of a hash table (capacity,)."""

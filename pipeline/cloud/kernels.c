@@ -346,14 +346,17 @@ static inline int64_t slot_of(int64_t key, int64_t mask)
    keys: (room,) of the voxels, in the order in which they appear. slots: (capacity,) a hash table
    with linear probing, a power of two: the row of a voxel, -1 where free. Returns the number of
    voxels, or -1 where there is no more room. Neighbours in a file mostly share a voxel, whose sums
-   stay in registers. */
+   stay in registers. run_starts, run_rows: (most_runs,) the first of such points, and the row of
+   their voxel; runs: how many there are, perhaps more than there is room for. */
 EXPORT int64_t voxel_moments(const char *points, int64_t step, int64_t count, const double *low,
                              double edge, int32_t *slots, int64_t capacity, int64_t *keys,
-                             double *sums, int64_t room)
+                             double *sums, int64_t room, int32_t *run_starts, int32_t *run_rows,
+                             int64_t most_runs, int64_t *runs)
 {
     double piece[3 * PIECE];
     voxels of;
-    int64_t used = 0, mask = capacity - 1;
+    int64_t used = 0, mask = capacity - 1, last = -1;
+    *runs = 0;
     for (int64_t start = 0; start < count; start += PIECE) {
         int64_t n = read_piece(points, step, count, start, piece);
         find_voxels(piece, n, low, edge, &of);
@@ -369,6 +372,14 @@ EXPORT int64_t voxel_moments(const char *points, int64_t step, int64_t count, co
                 slots[slot] = (int32_t)used++;
             }
             int64_t first = i;
+            if (key != last) {
+                if (*runs < most_runs) {
+                    run_starts[*runs] = (int32_t)(start + first);
+                    run_rows[*runs] = slots[slot];
+                }
+                (*runs)++;
+                last = key;
+            }
             while (i < n && of.key[i] == key)
                 i++;
             add_run(sums + SUMS * (int64_t)slots[slot], &of, first, i);

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from ..system import frozen
-from ..vectors import Array, Rows
-from .compiled import kernels
+from ..vectors import Array, Mask, Rows
+from .compiled import ChunkRows, Runs, kernels
 from .moments import SUMS, sums_by
 from .selection import HALF, MIX
 from .steps import scattered
@@ -19,17 +20,51 @@ _WIDE = 64
 
 
 @frozen(eq=False)
+class VoxelRuns:
+    """Runs of successive points of rows first:stop in one voxel each, in their order.
+
+    start: (R,) the first point of each, counted from `first`. voxel: (R,) its row in the grid.
+    """
+
+    first: int
+    stop: int
+    start: ChunkRows
+    voxel: ChunkRows
+
+    @classmethod
+    def of(cls, chunk: slice, start: ChunkRows, voxel: ChunkRows, row: Rows) -> VoxelRuns:
+        """Return the runs of a chunk; row: in the grid, of each of the voxels that they name."""
+
+        def rename(runs: slice) -> None:
+            voxel[runs] = row[voxel[runs]]
+
+        over_chunks(rename, len(voxel))
+        return cls(chunk.start, chunk.stop, start, voxel)
+
+    def rows(self, chosen: Mask) -> Rows:
+        """Return the rows of the points in the voxels that are chosen, a mask (C,)."""
+        inside = chosen[self.voxel]
+        size = np.diff(self.start, append=self.stop - self.first)[inside]
+        start = self.first + self.start[inside].astype(np.int64)
+        rows = np.ones(int(size.sum()), np.int64)
+        rows[:1] = start[:1]
+        rows[np.cumsum(size[:-1])] = start[1:] - (start + size)[:-1] + 1
+        return np.cumsum(rows, out=rows)
+
+
+@frozen(eq=False)
 class VoxelGrid:
     """Moments of a cloud in the C voxels that hold points, in the order of their keys.
 
     low_m: (3,) corner of voxel 0, 0, 0. key: (C,) of `voxel_key`. sums: (C, 10) about the centre of
-    each voxel.
+    each voxel. runs: of all points of the cloud, None where these are in no order or left out.
     """
 
     low_m: Array
     edge_m: float
     key: Rows
     sums: Array
+    runs: tuple[VoxelRuns, ...] | None = None
 
     @cached_property
     def index(self) -> Rows:
@@ -99,26 +134,29 @@ def voxel_moments(points_m: Array, low_m: Array, edge_m: float) -> VoxelGrid:
     compiled = kernels()
     share = -(-len(points_m) // 2) if compiled is not None else len(points_m)
 
-    def add(chunk: slice) -> tuple[Rows, Array]:
+    def add(chunk: slice) -> tuple[slice, Rows, Array, Runs | None]:
         part = points_m[chunk]
         if compiled is not None:
             capacity = 1 << int(np.clip((len(part) // 16).bit_length(), 14, 21))
             while (found := compiled.voxel_moments(part, low_m, edge_m, capacity)) is None:
                 capacity *= 4
-            return found
+            return chunk, *found
         index = ((part - low_m) * (1.0 / edge_m)).astype(np.int64)
         local = (part - low_m) - (index + 0.5) * edge_m
         keys, group = np.unique(voxel_key(index), return_inverse=True)
-        return keys, sums_by(group, local, len(keys))
+        return chunk, keys, sums_by(group, local, len(keys)), None
 
     parts = over_chunks(add, len(points_m), max(share, 1))
-    keys, group = np.unique(np.concatenate([p[0] for p in parts]), return_inverse=True)
-    total = np.zeros((len(keys), SUMS))
-    start = 0
-    for part in parts:
-        total[group[start : start + len(part[0])]] += part[1]
-        start += len(part[0])
-    return VoxelGrid(low_m, edge_m, keys, total)
+    key, row = np.unique(np.concatenate([keys for _, keys, _, _ in parts]), return_inverse=True)
+    total, of_parts = np.zeros((len(key), SUMS)), []
+    known = all(runs is not None for _, _, _, runs in parts)
+    while parts:  # each is freed
+        chunk, keys, sums, runs = parts.pop(0)
+        own, row = row[: len(keys)], row[len(keys) :]
+        total[own] += sums
+        if runs is not None:
+            of_parts.append(VoxelRuns.of(chunk, *runs, own))
+    return VoxelGrid(low_m, edge_m, key, total, tuple(of_parts) if known else None)
 
 
 def voxels_without_strays(points_m: Array, edge_m: float) -> VoxelGrid:
@@ -135,11 +173,15 @@ def voxels_without_strays(points_m: Array, edge_m: float) -> VoxelGrid:
         reach_m = ((1 << VOXEL_BITS - 1) - 2) * edge_m
         points_m = points_m[(np.abs(points_m - middle) < reach_m).all(axis=1)]
         low = box(points_m)[0]
+        return replace(voxel_moments(points_m, low - edge_m, edge_m), runs=None)
     return voxel_moments(points_m, low - edge_m, edge_m)
 
 
 def within_voxels(points_m: Array, voxels: VoxelGrid, keys: Rows) -> Rows:
     """Return the rows of points_m (N, 3) within the voxels of these keys (K,)."""
+    if voxels.runs is not None:
+        chosen = np.isin(voxels.key, keys)
+        return np.concatenate([runs.rows(chosen) for runs in voxels.runs])
     compiled = kernels()
     keys = np.unique(keys)
     table = _hash_table(keys) if compiled is not None else keys

@@ -7,7 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..cloud import EXACT, Slab, Steps, VoxelGrid, coordinate_steps, within_voxels
+from ..cloud import (
+    EXACT,
+    Slab,
+    Steps,
+    VoxelGrid,
+    coordinate_steps,
+    over_chunks,
+    within_voxels,
+)
 from ..config import SegmentConfig
 from ..plane import Patch
 from ..targets import Target
@@ -59,6 +67,7 @@ def find_targets(
     slab = around_slab(target)
     regions = [_voxels_within(voxels, c.centre_m, c.normal, slab) for c in found]
     rows = _rows(points_m, voxels, regions)
+    del voxels  # as large as what follows
     near = points_m[rows]
     near_intensity = None if intensity is None else intensity[rows]
     bounds = np.searchsorted(rows, np.array(parts))
@@ -129,7 +138,13 @@ def _score_all(
     """Score candidate positions until a vehicle's targets are sure and no rival remains."""
     ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
     balls = [_voxels_within(voxels, at.centre_m, at.normal, ball) for at in positions]
-    near = np.ascontiguousarray(points_m[_rows(points_m, voxels, balls)].T)
+    rows = _rows(points_m, voxels, balls)
+    near = np.empty((3, len(rows)))
+
+    def fill(chunk: slice) -> None:
+        near[:, chunk] = points_m[rows[chunk]].T
+
+    over_chunks(fill, len(rows))
     found: list[Candidate] = []
     is_whole = False
     for at in positions:

@@ -12,7 +12,7 @@ import pytest
 
 from tests.support.paths import ROOT
 from wheelplane.cloud import all_within, compiled, moments, raster_sums, selection, voxel_grid
-from wheelplane.cloud.compiled import kernels
+from wheelplane.cloud.compiled import SHORTEST_RUN, kernels
 from wheelplane.cloud.moments import sums_by
 from wheelplane.cloud.selection import coordinate_hash
 from wheelplane.cloud.voxel_grid import VOXEL_BITS, _hash_table, voxel_key
@@ -145,9 +145,10 @@ def test_raster_sums_are_those_of_the_fallback_and_count_points_beyond(points, e
 
 @pytest.mark.parametrize("order", ["as drawn", "sorted"])
 def test_voxel_moments_are_those_of_each_voxel(points, order):
-    """Also where neighbours in the file share a voxel, whose slot is kept."""
-    cloud = points if order == "as drawn" else points[np.argsort(points[:, 0])]
-    keys, sums = kernels().voxel_moments(cloud, LOW, EDGE, 4096)
+    """Also where neighbours in the file share a voxel, whose sums are kept."""
+    by_voxel = np.argsort(voxel_key(np.floor((points - LOW) / EDGE).astype(np.int64)))
+    cloud = points if order == "as drawn" else points[by_voxel]
+    keys, sums, runs = kernels().voxel_moments(cloud, LOW, EDGE, 4096)
     index = np.floor((cloud - LOW) / EDGE).astype(np.int64)
     present, group = np.unique(voxel_key(index), return_inverse=True)
     rows = np.argsort(keys)
@@ -155,6 +156,12 @@ def test_voxel_moments_are_those_of_each_voxel(points, order):
     local = cloud - (LOW + (index + 0.5) * EDGE)
     wanted = sums_by(group, local, len(present))
     np.testing.assert_allclose(sums[rows], wanted, rtol=0, atol=100 * EPS)
+    of_points = voxel_key(index)
+    changes = np.append(0, np.flatnonzero(np.diff(of_points)) + 1)
+    assert (runs is None) == (len(changes) > COUNT // SHORTEST_RUN) == (order == "as drawn")
+    if runs is not None:
+        np.testing.assert_array_equal(runs[0], changes)
+        np.testing.assert_array_equal(keys[runs[1]], of_points[changes])
 
 
 def test_a_full_table_is_reported():

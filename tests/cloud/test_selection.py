@@ -217,6 +217,29 @@ def test_voxels_hold_every_point_once(cloud, backend):
     assert set(np.nonzero(inside)[0]) <= set(range(start, stop)) < set(range(len(held.key)))
 
 
+@pytest.mark.parametrize("every", [1, 3, 50, 10_000])
+def test_points_within_voxels_are_those_by_their_keys_in_any_order(cloud, every, backend):
+    """Points in order are known by their runs; in no order, each is looked up."""
+    low, edge = box(cloud)[0] - 0.01, 0.11
+    key = voxel_key(((cloud - low) * (1.0 / edge)).astype(np.int64))
+    for order in (np.argsort(key), np.arange(COUNT)):
+        held = voxel_moments(cloud[order], low, edge)
+        chosen = held.key[1::every]
+        expected = np.nonzero(np.isin(key[order], chosen))[0]
+        np.testing.assert_array_equal(within_voxels(cloud[order], held, chosen), expected)
+        if backend == "compiled":
+            assert (held.runs is None) == (order[0] == 0)
+
+
+def test_no_runs_are_known_where_points_are_left_out(backend):
+    line = np.linspace(0.0, 1.0, 5000)[:, None] * np.ones(3)
+    far = np.vstack([line, [[1e6, 0.0, 0.0]]])
+    held = voxels_without_strays(far, 0.03)
+    assert held.runs is None
+    assert len(within_voxels(line, held, held.key)) == len(line)
+    assert (voxels_without_strays(line, 0.03).runs is None) == (backend == "numpy")
+
+
 @pytest.mark.parametrize("stray", [(-1e6, 0, 0), (3e5, -3e5, 9e9), (0, 8e4, -8e4), (9e9, 9e9, 9e9)])
 @pytest.mark.parametrize("offset", [0.0, 5e6])
 def test_voxels_are_those_without_the_strays(stray, offset, backend):
