@@ -868,7 +868,7 @@ def test_no_table_replaces_the_index(results, kind):
         (["--since", "2026-W05"], "--since 2026-W05: is not a date"),
         (["--slow", "2", "--name", "x"], "--slow does not go with --name"),
         (["--item", "7", "--drift", "--csv", "x.csv"], "--item does not go with --csv"),
-        (["--csv", "x.csv", "--parquet", "./x.csv"], "name a file for each"),
+        (["--csv", "x.csv", "--parquet", "./x.csv"], "x.csv: two outputs go to this file"),
         (["--sql", "SELECT 1", "--timeout", "inf"], "not in the range"),
         (["--sql", "\udcff"], "check the statement"),
         (["--quantity", "\udcff"], r"quantity '\xff': not in these results"),

@@ -784,7 +784,7 @@ def command(request, monkeypatch, tmp_path, wheelplane, measured):
 
     monkeypatch.setattr(measure_command, "open_capture", opened, raising=True)
     monkeypatch.setattr(
-        measure_command, "measure_capture", lambda *_, vertical: measured, raising=True
+        measure_command, "measure_capture", lambda *_, **_given: measured, raising=True
     )
     return lambda *options: wheelplane("measure", tmp_path, *options)
 
