@@ -54,7 +54,7 @@ def sample(points_m: Array, count: int) -> Array:
     The points with the smallest hashes of their coordinates, in the order of the hash: the same
     points in any order of the file, scattered over the cloud.
     """
-    return np.asarray(points_m.take(sample_rows(points_m, count), axis=0))
+    return np.asarray(points_m[sample_rows(points_m, count)])
 
 
 def sample_rows(points_m: Array, count: int) -> npt.NDArray[np.int64]:
