@@ -39,24 +39,24 @@ def spacing_m(summary: ScanSummary) -> float | None:
     order = np.argsort(centred[:, axis], kind="stable")
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
-    ordered = centred[order]
+    ordered = centred.T.take(order, axis=1)
     median = float(np.median([_nearest_m(ordered, axis, int(rank[query])) for query in chosen]))
     poisson = math.sqrt(math.log(2.0) / math.pi)
     return min(median, median / poisson / math.sqrt(places / len(sample)))
 
 
 def _nearest_m(ordered: Array, axis: int, at: int) -> float:
-    """Return the distance of point `at` to its nearest; points (N, 3) in the order of an axis."""
+    """Return the distance of point `at` to its nearest; points (3, N) in the order of an axis."""
+    query, place = ordered[:, at], ordered[axis]
     beside = slice(max(at - BESIDE, 0), at + BESIDE + 1)
-    bound = _second_m(ordered[beside], ordered[at]) * (1.0 + 1e-9)
-    place = ordered[:, axis]
+    bound = _second_m(ordered[:, beside], query) * (1.0 + 1e-9)
     first, last = np.searchsorted(place, [place[at] - bound, place[at] + bound])
-    return _second_m(ordered[min(first, beside.start) : max(last, beside.stop)], ordered[at])
+    return _second_m(ordered[:, min(first, beside.start) : max(last, beside.stop)], query)
 
 
 def _second_m(points: Array, query: Array) -> float:
-    """Return the distance of `query`, one of the points (N, 3), to the nearest of the others."""
-    square = np.sum((points - query) ** 2, axis=1)
+    """Return the distance of `query`, one of the points (3, N), to the nearest of the others."""
+    square = np.sum((points - query[:, None]) ** 2, axis=0)
     return math.sqrt(np.partition(square, 1)[1])
 
 
@@ -122,8 +122,9 @@ def _duplicates(summary: ScanSummary) -> str:
 
 def _distinct(summary: ScanSummary) -> int:
     """Return how many of the keys differ; 0 where all do."""
-    distinct = len(np.unique(summary.keys))
-    return distinct if distinct < len(summary.keys) else 0
+    keys = np.sort(summary.keys)
+    repeated = int(np.count_nonzero(keys[1:] == keys[:-1]))
+    return len(keys) - repeated if repeated else 0
 
 
 def _origin(summary: ScanSummary) -> str:
