@@ -303,5 +303,5 @@ def test_the_nearest_is_found_as_by_a_tree(width, equal):
     points[:equal] = points[equal : 2 * equal]
     points = points[np.argsort(points[:, 0])]
     nearest = cKDTree(points).query(points, k=2)[0][:, 1]
-    found = [_nearest_m(points, 0, at) for at in range(len(points))]
+    found = [_nearest_m(points.T, 0, at) for at in range(len(points))]
     assert found == pytest.approx(nearest, rel=1e-12, abs=1e-15)
