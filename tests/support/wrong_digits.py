@@ -72,7 +72,7 @@ class Change:
 
 
 def judge(changes, folder):
-    """Return the changes that are not refused, judged."""
+    """Return the changes that are not refused, and leave every block an angle, judged."""
     clean = measure_five_point(file(paper()))
     judged = []
     for line, text in changes:
@@ -81,6 +81,8 @@ def judge(changes, folder):
             read = read_five_point(folder / "five.txt")
             plain = measure_five_point(read, check=False)
         except InputError:
+            continue
+        if not plain.complete:
             continue
         moved = np.abs(angles(plain) - angles(clean))
         bad = flagged(read.blocks_m)
