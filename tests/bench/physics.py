@@ -219,6 +219,8 @@ CASES: dict[str, Case] = {
     "dark-half-receiver-noise": Case(PLAIN | QUIET | HALF | RECEIVER),
     "lambert-dim": Case(PLAIN | QUIET | LAMBERT, dim=True),
     "gaussian-lambert-dim": Case(PLAIN | QUIET | GAUSSIAN | LAMBERT, dim=True),
+    "first-dim": Case(PLAIN | RETURNS | {"beam.return_mode": "first"}, dim=True),
+    "strongest-dim": Case(PLAIN | RETURNS | {"beam.return_mode": "strongest"}, dim=True),
 }
 
 

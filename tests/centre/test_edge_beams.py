@@ -43,6 +43,7 @@ from wheelplane.centre.edge.beams import (
     SIZE_M,
     SPARSE,
     SPOT,
+    SPOT_LOG,
     STATE,
     STATED_THICKNESS,
     STATION_M,
@@ -211,6 +212,16 @@ def test_a_station_s_uncertainty_is_propagated_to_the_beams():
     np.testing.assert_array_equal(seen.weight[rest], prior.weight[rest])
 
 
+def test_a_footprint_may_be_far_finer_than_set_but_not_far_wider():
+    prior = Prior.of(0.01, CONFIG)
+    power, intensity = prior.by_power(), prior.by_intensity()
+    for far, sigma in ((-2.0, CLEAN_SPOT), (0.0, CLEAN_SPOT), (2.0, SPOT_LOG)):
+        state = power.mean.copy()
+        state[SPOT] += far
+        assert power.towards(state).off(state) == pytest.approx((far / sigma) ** 2)
+        assert intensity.towards(state).weight[SPOT] == pytest.approx(SPOT_LOG**-2)
+
+
 def test_what_a_prior_holds_and_nothing_else():
     prior, state = Prior.of(0.01, CONFIG), state_of()
     before = prior.mean.copy(), prior.weight.copy()
@@ -239,7 +250,8 @@ def test_what_a_prior_holds_and_nothing_else():
     assert power.weight[WALL] == pytest.approx(LAMBERT_SIGMA**-2)
     assert power.weight[SPOT] == pytest.approx(CLEAN_SPOT**-2)
     assert power.weight[SPOT] < prior.weight[SPOT]
-    np.testing.assert_allclose([one.weight[GROWTH] for one in (plain, power)], HELD_SIZE_M**-2)
+    assert plain.weight[GROWTH] == pytest.approx(HELD_SIZE_M**-2)
+    assert power.weight[GROWTH] == pytest.approx(SIZE_M**-2)
     assert prior.unsized().weight[GROWTH] == pytest.approx(WRONG_SIZE_M**-2)
     unknown = Prior.of(None, CONFIG)
     assert prior.doubted().weight[THICKNESS] == unknown.weight[THICKNESS]

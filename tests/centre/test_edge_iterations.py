@@ -272,7 +272,7 @@ def test_first_and_last_returns_are_those_of_ratios_far_from_one(monkeypatch, be
     monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
     monkeypatch.setattr(clean_fit, "_explained", explained)
     monkeypatch.setattr(clean_fit, "ERODED", 2.0)
-    monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
+    monkeypatch.setattr(clean_fit, "_shows_form", lambda *args: False)
     monkeypatch.setattr(clean_fit, "record", lambda *args: RECORD)
     monkeypatch.setattr(clean_fit, "settled", lambda fitted, found: fitted)
     state = state_of()
@@ -335,7 +335,7 @@ def test_the_size_shown_is_that_of_the_likelier_solution(monkeypatch, chance, co
     records = {id(found): RECORD, id(other): replace(RECORD, **sizes)}
     monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
     monkeypatch.setattr(clean_fit, "_by_size", lambda *args: (found, other))
-    monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
+    monkeypatch.setattr(clean_fit, "_shows_form", lambda *args: False)
     monkeypatch.setattr(clean_fit, "_chance", lambda *args: chance)
     monkeypatch.setattr(clean_fit, "record", lambda found, *args: records[id(found)])
     monkeypatch.setattr(clean_fit, "settled", lambda fitted, found: fitted)
@@ -352,7 +352,7 @@ def test_a_settled_clean_edge_has_the_width_in_its_uncertainty(monkeypatch):
     of_size = []
     monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
     monkeypatch.setattr(clean_fit, "_by_size", lambda *args: (ended(), ended()))
-    monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
+    monkeypatch.setattr(clean_fit, "_shows_form", lambda *args: False)
     monkeypatch.setattr(clean_fit, "_chance", lambda *args: 0.0)
     monkeypatch.setattr(clean_fit, "record", lambda *args: replace(RECORD, converged=False))
     monkeypatch.setattr(clean_fit, "settled", lambda one, found: replace(one, converged=True))
@@ -377,7 +377,7 @@ def test_few_rows_or_sectors_give_no_clean_fit(monkeypatch, sectors, rows, shown
     monkeypatch.setattr(clean_fit, "_explained", lambda *a, **k: ended([1.0] * rows, 0, share))
     monkeypatch.setattr(clean_fit, "record", lambda *args: RECORD)
     monkeypatch.setattr(clean_fit, "settled", lambda *args: RECORD)
-    monkeypatch.setattr(clean_fit, "unseen_chamfer_m", lambda *args: None)
+    monkeypatch.setattr(clean_fit, "_shows_form", lambda *args: False)
     assert (clean_fit.fit_clean(problem_of(), state_of(), CONFIG) is not None) == shown
 
 
@@ -690,7 +690,27 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
         assert better == 1.0
 
 
-@pytest.mark.parametrize("farther", [0.5, 1.0, 1.9, 2.1, 5.0])
+@pytest.mark.parametrize(("outliers", "farther"), [(5, 0.4), (5, 0.6), (2, 0.4)])
+def test_another_size_counts_where_the_points_beside_the_edge_lie_far_nearer(outliers, farther):
+    """A plate 12 mm larger: a footprint of 16 mm explained its depths, and left them 0.9 mm off."""
+
+    def solution(growth_m, outliers, off_m):
+        state = prior.mean.copy()
+        state[GROWTH] = growth_m
+        weight = (0.0,) * outliers + (1.0,) * (40 - outliers)
+        found = ended(weight, depths=30, state=state)
+        found.equations.residual_m[30:] = off_m
+        return found
+
+    prior = Prior.of(0.01, CONFIG).by_power().unsized()
+    stated, grown = solution(0.0, outliers, 2e-5), solution(3.0 * WRONG_SIZE_M, 5, farther * 2e-5)
+    by_prior = 0.5 - 0.5 * math.tanh(9.0 / 4.0)
+    is_nearer = outliers == 5 and farther * AS_NEAR < 1.0
+    likely = clean_fit._chance(prior, stated, grown)
+    assert likely == (1.0 if is_nearer else pytest.approx(by_prior, abs=1e-12))
+
+
+@pytest.mark.parametrize("farther", [0.6, 1.0, 1.9, 2.1, 5.0])
 def test_another_size_is_none_where_the_points_beside_the_edge_lie_far_from_it(farther):
     """Whatever it explains of the depths, as a wide footprint does of a rounded edge."""
 

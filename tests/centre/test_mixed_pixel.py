@@ -428,3 +428,45 @@ def test_slopes_of_a_chamfer_are_those_of_central_differences(chamfer, leaning):
         largest = np.abs(seen).max()
         assert largest > 0.0 or (name in ("bevel", "lean") and chamfer == 0.0)
         assert np.quantile(np.abs(seen - slope), 0.99) <= 2e-3 * largest, name
+
+
+@pytest.mark.parametrize("chamfer", [0.0, 4e-4])
+def test_slopes_of_a_target_alone_are_those_of_central_differences(chamfer):
+    """What lies beside the beam's axis counts: by the footprint it was wrong by its own size."""
+    rng, count = np.random.default_rng(0), 2000
+    tau = rng.uniform(-0.6, 0.6, count)
+    state = {
+        "x_m": rng.uniform(-0.003, 0.001, count),
+        "tau": tau,
+        "background_m": np.zeros(count),
+        "spot_m": rng.uniform(0.0012, 0.002, count),
+        "thickness_m": 0.01,
+        "reflectance_ratio": 1e-9,
+        "wall": rng.uniform(0.1, 1.0, count),
+        "shape": 0.6,
+        "slant": 0.9 * tau,
+        "chamfer_m": chamfer,
+        "bevel": rng.uniform(0.2, 1.2, count),
+        "lean": tau,
+        "alone": True,
+    }
+    profile = edge_profile(**state)
+    for name, slope, step in (
+        ("x_m", profile.d_x, 1e-8),
+        ("spot_m", profile.d_log_spot / state["spot_m"], 1e-8),
+        ("tau", np.where(tau > 0.0, profile.d_tau, 0.0), 1e-6),
+        ("lean", profile.d_lean, 1e-6),
+        ("slant", profile.d_slant, 1e-5),
+        ("thickness_m", profile.d_thickness, 1e-7),
+        ("wall", profile.d_wall, 1e-5),
+        ("shape", profile.d_shape, 1e-5),
+        ("chamfer_m", profile.d_chamfer, 1e-8),
+        ("bevel", profile.d_bevel, 1e-5),
+    ):
+        ahead, behind = (
+            edge_profile(**(state | {name: state[name] + way * step})).depth_m for way in (1, -1)
+        )
+        seen = (ahead - behind) / (2.0 * step)
+        largest = np.abs(seen).max()
+        assert largest > 1e-6 or (name in ("bevel", "lean") and chamfer == 0.0)
+        assert np.quantile(np.abs(seen - slope), 0.99) <= 5e-3 * largest + 1e-12, name

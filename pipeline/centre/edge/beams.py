@@ -215,7 +215,8 @@ WALL, SHAPE, GROWTH, CHAMFER, MODULATION = 9, 10, 11, 12, 13
 LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
 RATIO_LOG = 1.5  # of the log of a reflectance ratio (k = 1)
 EXPONENT_LOG = 0.5  # of the exponent by which intensities follow power (k = 1)
-CLEAN_SPOT = 2.0  # of the log footprint, of such a scanner or a camera (k = 1)
+# Of the log footprint (k = 1), and of that of such a scanner or a camera, where it is finer.
+SPOT_LOG, CLEAN_SPOT = 0.7, 2.0
 LEAST_WALL = 0.02  # reflectance of a wall, of the target's
 STATED_THICKNESS, WRONG_THICKNESS = 0.03, 1.0  # relative: of a stated one; of a wrong one (k = 1)
 HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 1)
@@ -258,7 +259,7 @@ class Prior:
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
         mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, modulation])
         known_log = STATED_THICKNESS if known else WRONG_THICKNESS
-        sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, RATIO_LOG, ROTATION_RAD]
+        sigma = [0.01, 0.01, 3.0, 3.0, 0.3, SPOT_LOG, known_log, RATIO_LOG, ROTATION_RAD]
         return cls(mean, 1.0 / np.array([*sigma, 0.5, 0.5, SIZE_M, HELD_SIZE_M, by_phase]) ** 2)
 
     def seen_from(self, station: Array, state: Array) -> Prior:
@@ -301,6 +302,10 @@ class Prior:
         mean[CHAMFER] = LIKELY_CHAMFER_M
         return Prior(mean, self.weight)._known_to(U_CHAMFER_M, CHAMFER)
 
+    def as_likely(self) -> Prior:
+        """Return the prior with the chamfer held at its likeliest width."""
+        return self._known_to(HELD_SIZE_M, CHAMFER)
+
     def of_held_chamfer(self, chamfer_m: float) -> Prior:
         """Return the prior with a chamfer that is held at that width, and a held modulation."""
         held = self.of_chamfer(chamfer_m)._known_to(HELD_SIZE_M, CHAMFER)
@@ -333,7 +338,13 @@ class Prior:
         mean[WALL], weight[WALL] = LAMBERT, LAMBERT_SIGMA**-2
         mean[RATIO], weight[RATIO] = 0.0, RATIO_LOG**-2
         weight[SPOT] = CLEAN_SPOT**-2
-        return Prior(mean, weight).sized()
+        return Prior(mean, weight).known_size()
+
+    def towards(self, state: Array) -> Prior:
+        """Return the prior at a state (14,): a footprint may be far finer than set, not wider."""
+        if state[SPOT] <= self.mean[SPOT]:
+            return self
+        return self._known_to(min(SPOT_LOG, self.weight[SPOT] ** -0.5), SPOT)
 
     def by_intensity(self) -> Prior:
         """Return the prior for the intensities of returns that are parted by power.

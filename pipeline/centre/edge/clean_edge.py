@@ -266,9 +266,11 @@ def by_backgrounds_m(linear: Equations) -> float:
     return math.sqrt(max(float(np.mean(mean[seen] ** 2)) - by_chance * alone, 0.0))
 
 
-def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Array) -> EdgeProfile:
-    """Return the mean depth of face and wall alone, of a sharp edge."""
-    profile = edge_profile(
+def _mean_depth(
+    x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Array, lean: Array
+) -> EdgeProfile:
+    """Return the mean depth of face, chamfer and wall alone."""
+    return edge_profile(
         x_m,
         tau,
         np.zeros(len(x_m)),
@@ -278,8 +280,11 @@ def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Arra
         wall_reflectance(tau, state)[0],
         float(state[SHAPE]),
         slant,
+        float(state[CHAMFER]),
+        bevel_reflectance(lean, float(state[WALL])),
+        lean=lean,
+        alone=True,
     )
-    return replace(profile, d_chamfer=0.0)
 
 
 def _edge_table(tau: Array, state: Array) -> Array:
@@ -314,7 +319,7 @@ def _edge_m(tau: Array, values: Array) -> Array:
         nearer = _excess(x, tau, values) > 0.0
         low, high = np.where(nearer, x, low), np.where(nearer, high, x)
     left, right = _excess(low, tau, values), _excess(high, tau, values)
-    share = np.clip(left / np.maximum(left - right, np.finfo(float).tiny), 0.0, 1.0)
+    share = np.clip(left / np.maximum(left - right, np.finfo(float).eps), 0.0, 1.0)
     return np.asarray(low + share * (high - low))
 
 
@@ -349,9 +354,13 @@ def mean_depths(
     parts = reaching(beams.x_m[rows], beams.tau[rows], state)
     z, cut = problem.depth[rows], beams.taken(rows[parts])
     steep = state[BEAM, None] + state[INVERSE] * cut.q_m.T
-    slant = (cut.tau + cut.bent) / (1.0 + np.sum(steep**2, axis=0))
+    square = 1.0 + np.sum(steep**2, axis=0)
+    slant = (cut.tau + cut.bent) / square
     wall = np.maximum(_wall_slope(cut, float(np.exp(state[THICKNESS]))), 0.0)
-    profile = _mean_depth(cut.x_m, wall, slant, footprint_m(cut.tau, state), state)
+    profile = _mean_depth(cut.x_m, wall, slant, footprint_m(cut.tau, state), state, cut.tau)
+    # Beams that run otherwise see another slant, and have footprints that grew otherwise.
+    grown = profile.d_log_spot * cut.tau / (1.0 + cut.tau**2)
+    profile = replace(profile, d_lean=profile.d_lean + profile.d_slant / square + grown)
     residual, variance = z.copy(), np.full(len(rows), (problem.sigma_m + 1e-6) ** 2)
     residual[parts] -= profile.depth_m
     variance[parts] += (profile.d_x * POINTING_M) ** 2

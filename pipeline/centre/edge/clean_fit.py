@@ -13,7 +13,7 @@ from ...config import CentreConfig
 from ...targets import sector
 from ...vectors import Array
 from .beam_direction import has_background
-from .beams import CENTRE, GROWTH, INVERSE, RATIO, ROTATION, SPOT, WALL, Prior
+from .beams import CENTRE, CHAMFER, GROWTH, INVERSE, RATIO, ROTATION, SPOT, U_CHAMFER_M, WALL, Prior
 from .clean_edge import (
     Wall,
     between_rows_m,
@@ -37,10 +37,11 @@ from .solution import (
     misfit_of,
     record,
     settled,
-    unseen_chamfer_m,
+    with_likely_chamfer,
 )
 
 ERODED = 0.4  # of the stated footprint: a clean edge that lies as far inside the target's is none
+SHOWN = 0.5  # of the standard uncertainty of a chamfer before anything was measured
 LEAST_CLEAN = 24  # points about an edge
 CONTRADICTED = 0.35  # share of outliers beside a clean edge: a background that says nothing
 # Squared distance of the centres with and without a background, of the latter's covariance: 0.01 by
@@ -74,13 +75,16 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
     """Fit an edge without mixed pixels; None where a quarter of it has no background."""
     if not has_background(problem.plane, problem.depth, state, problem.outline):
         return None
-    given, problem = problem, replace(problem, prior=problem.prior.by_power())
+    given, prior = problem, problem.prior.by_power()
+    problem = replace(problem, prior=prior.bevelled() if prior.is_sharp else prior)
     state = state.copy()
     state[WALL] = problem.prior.mean[WALL]
+    state[CHAMFER] = problem.prior.mean[CHAMFER]
     parted = _by_returns(problem, state, config.max_iterations)
-    faded = by_intensity(given, parted.state, config.max_iterations)
-    if faded is not None:
-        return faded
+    if not _shows_form(problem, parted):
+        faded = by_intensity(given, parted.state, config.max_iterations)
+        if faded is not None:
+            return faded
     loose = replace(problem, prior=problem.prior.unsized())
     found, other = _by_size(problem, loose, state, parted, config.max_iterations)
     lies_m = shift_m(found.state)
@@ -111,9 +115,17 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
         size_chance=chance,
         rows_m=between_rows_m(problem, found.state),
         unlike_m=unlike_m,
-        by_chamfer_m=unseen_chamfer_m(found.equations, problem.prior),
     )
     return settled(fitted, found)
+
+
+def _shows_form(problem: EdgeProblem, parted: Solution) -> bool:
+    """Return whether depths show the form of an edge: its chamfer, better than it was known.
+
+    Footprints are finer than that, then, and intensities fade where the surface turns away.
+    """
+    covariance, *_ = spread(parted.equations, problem.outline, problem.prior, problem.few)
+    return float(covariance[CHAMFER, CHAMFER]) < (SHOWN * U_CHAMFER_M) ** 2
 
 
 def _filtered(
@@ -149,7 +161,6 @@ def _filtered(
         by_thickness_m=UNSURE * np.sqrt(share @ (centres_m - centre_m) ** 2),
         rows_m=between_rows_m(problem, found.state),
         unlike_m=by_backgrounds_m(linear.explained),
-        by_chamfer_m=unseen_chamfer_m(linear, problem.prior),
     )
     return settled(fitted, found)
 
@@ -215,13 +226,13 @@ def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | Non
     fitted = settled(record(found, problem, covered), found)
     if not fitted.converged:
         return None
-    return replace(
+    fitted = replace(
         fitted,
         reflectance_ratio=ratio,
         exponent=fitted.reflectance_ratio,
         unlike_m=BY_MIXED * fitted.spot_m if is_mixed(problem, found.state) else 0.0,
-        by_chamfer_m=unseen_chamfer_m(found.equations, problem.prior),
     )
+    return with_likely_chamfer(fitted, found.equations, problem.prior)
 
 
 def _shows_wall(problem: EdgeProblem, found: Solution, most: int) -> bool:
@@ -276,12 +287,16 @@ def _chance(prior: Prior, stated: Solution, grown: Solution) -> float:
 
     Where beams are square to a target, what the scanner reports may undo any growth: where the
     stated size explains as much, or the points beside the edge far better, their priors decide:
-    depths alone, of a rounded edge as those of a wide footprint, show no size.
+    depths alone, of a rounded edge as those of a wide footprint, show no size. Another size that
+    leaves those points far nearer, and the depths no worse, is not undone by a wide footprint.
     """
-    as_near = _left_m(grown.equations) <= AS_NEAR * _left_m(stated.equations)
-    if as_near and explains_less(stated, grown, AS_MUCH):
+    beside_m, grown_m = _left_m(stated.equations), _left_m(grown.equations)
+    if grown_m <= AS_NEAR * beside_m and explains_less(stated, grown, AS_MUCH):
         return 1.0
-    return 0.5 - 0.5 * math.tanh((prior.off(grown.state) - prior.off(stated.state)) / 4.0)
+    if AS_NEAR * grown_m < beside_m and not explains_less(grown, stated, AS_MUCH):
+        return 1.0
+    off, off_grown = (prior.towards(one.state).off(one.state) for one in (stated, grown))
+    return 0.5 - 0.5 * math.tanh((off_grown - off) / 4.0)
 
 
 def _by_returns(problem: EdgeProblem, state: Array, most: int) -> Solution:
@@ -346,12 +361,16 @@ def _iterated(
 ) -> Solution:
     """Iterate Gauss-Newton steps of a clean edge; damped: shorter ones in the end.
 
+    Damped ones begin roughly: far off, depths of an edge would pass for those of its chamfer.
+
     linearise: equations at a state (14,), in an iteration from `first`, up to `most`.
     """
+    known = problem.prior.as_likely()
     for iteration in range(min(first, most), most + 1):
         linear = linearise(state, iteration)
+        prior = known if damped and iteration <= ROUGHLY else problem.prior
         length = min(1.0, UNDAMPED / iteration) if damped else 1.0
-        moved = step(linear, state, problem.prior)[0] * length
+        moved = step(linear, state, prior.towards(state))[0] * length
         state = state + moved
         last_m = float(np.abs(moved[CENTRE]).max())
         if last_m < STEP_M and iteration > UNDAMPED:

@@ -12,6 +12,7 @@ exp(-2 (r/s)^2), whose standard deviations across an edge are the same, s/2.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -56,6 +57,11 @@ class Profile:
             share_by_shape=places.between(_BY_SHAPE[0]),
             integral_by_shape=places.between(_BY_SHAPE[1]),
         )
+
+    def moment_by_shape(self, u: Array) -> Array:
+        """Return the derivative (N,) of a footprint's moment at u by the shape."""
+        square = np.clip(1.0 - u * u, 0.0, None)
+        return np.asarray(_bell(u) / 4.0 - square * chord(u) / 3.0)
 
     @cached_property
     def _tables(self) -> tuple[_Table, _Table]:
@@ -148,7 +154,7 @@ class EdgeProfile:
 
     The derivatives are by x, tau, log footprint radius, thickness, log reflectance ratio of the
     background, reflectance of the wall, shape of the footprint, chamfer, its lean (d_tau: of the
-    wall), and its reflectance.
+    wall), its reflectance, modulation, and, of a target alone, slant.
     background_share: of the footprint; by_background: by the depth of the background, its share of
     what is returned where ranges are averaged.
     """
@@ -167,6 +173,7 @@ class EdgeProfile:
     d_lean: Array | float = 0.0
     d_bevel: Array | float = 0.0
     d_modulation: Array | float = 0.0
+    d_slant: Array | float = 0.0
 
 
 @frozen(eq=False)
@@ -261,6 +268,7 @@ def edge_profile(
     bevel: Array | float = 1.0,
     modulation: float | None = None,
     lean: Array | None = None,
+    alone: bool = False,
 ) -> EdgeProfile:
     """Return the depth behind the target that a beam at x_m (N,) returns; all (N,), metres.
 
@@ -276,6 +284,8 @@ def edge_profile(
     `sum_of_phases`: depths of millimetres add as their mean, decimetres do not.
     slant: by which a surface parallel to the target is deeper per distance inwards from the beam's
     axis. Parts of the footprint lie beside it; where all are of one brightness that cancels.
+    alone: whether nothing that returns lies behind the target. Its edges are then where most of the
+    brightness changes: what lies beside counts in all slopes; else it does in that by x.
     """
     c, T, e, o, b = chamfer_m, thickness_m, reflectance_ratio, wall, bevel
     lean = tau if lean is None else lean
@@ -317,7 +327,7 @@ def edge_profile(
     d_width = np.where(width > 1e-3 * spot_m, by_M * ((F_2 - M) / width) - by_F_2 * f_2, 0.0)
     d_x_1 = by_H * F_1 + by_M * ((F_2 - F_1) / width) - by_F_1 * f_1 - by_F_2 * f_2
     tilted = (1.0 - b) * (x_m + c) * f_0 + (b - o) * x_1 * f_1 + (o - e) * (x_1 - width) * f_2
-    return EdgeProfile(
+    profile = EdgeProfile(
         depth_m=measured.range_m,
         d_x=change((f_0, f_1, f_2), F_0 - F_1, (F_1 - F_2) / width) - slant * tilted * by_sum,
         d_tau=d_width * (T - c),
@@ -344,4 +354,26 @@ def edge_profile(
         d_lean=np.where(lean > HIDDEN, c * d_x_1 - b * H / run**2 * by_sum, 0.0),
         d_bevel=(on_bevel + m_1 - m_0) * by_sum - by_near * (F_0 - F_1),
         d_modulation=measured.by_modulation,
+    )
+    if not alone:
+        return profile
+    # By where the edges of face, chamfer and wall lie, and by the footprint's size and shape.
+    places = x_m + c, x_1, x_1 - width
+    steps = [by_sum * step for step in (1.0 - b, b - o, o - e)]
+    by_0, by_1, by_2 = (
+        slant * step * x * f for step, x, f in zip(steps, places, (f_0, f_1, f_2), strict=True)
+    )
+    by_2_wide = np.where(width > 1e-3 * spot_m, by_2, 0.0)
+    moments = [spot_m * spot.moment_by_shape(x / spot_m) for x in places]
+    return replace(
+        profile,
+        d_tau=profile.d_tau + by_2_wide * (T - c),
+        d_log_spot=profile.d_log_spot
+        + (by_0 * places[0] + by_1 * places[1] + by_2 * places[2] + beside * by_sum),
+        d_thickness=profile.d_thickness + facing * by_2_wide,
+        d_shape=profile.d_shape
+        + slant * sum(step * moment for step, moment in zip(steps, moments, strict=True)),
+        d_chamfer=profile.d_chamfer + (seen * (by_1 + by_2) - by_0 - facing * by_2_wide),
+        d_lean=profile.d_lean + np.where(lean > HIDDEN, c * (by_1 + by_2), 0.0),
+        d_slant=spot_m * sum(step * one.moment for step, one in zip(steps, at, strict=True)),
     )

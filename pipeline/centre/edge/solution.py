@@ -18,6 +18,7 @@ from .beams import (
     CHAMFER_M,
     GROWTH,
     INVERSE,
+    LIKELY_CHAMFER_M,
     MODULATION,
     RATIO,
     ROTATION,
@@ -25,6 +26,7 @@ from .beams import (
     SPOT,
     STATE,
     THICKNESS,
+    U_CHAMFER_M,
     WALL,
     Background,
     Prior,
@@ -212,6 +214,19 @@ def unseen_chamfer_m(linear: Equations, prior: Prior) -> Array:
     if not prior.is_sharp:
         return np.zeros(2)
     return CHAMFER_M * along(linear, prior.bevelled(), CHAMFER)[CENTRE]
+
+
+def with_likely_chamfer(fitted: EdgeFit, linear: Equations, prior: Prior) -> EdgeFit:
+    """Return the fit of an edge taken for sharp, moved as its likeliest chamfer moves it.
+
+    As it is where the chamfer is stated. linear: with slopes by the chamfer, of points that show
+    nothing else of it.
+    """
+    if not prior.is_sharp:
+        return fitted
+    way = along(linear, prior.bevelled(), CHAMFER)[CENTRE]
+    centre_m = fitted.centre_m + LIKELY_CHAMFER_M * way
+    return replace(fitted, centre_m=centre_m, by_chamfer_m=U_CHAMFER_M * way)
 
 
 def by_round(found: Solution, problem: EdgeProblem) -> Array:
