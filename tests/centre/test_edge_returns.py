@@ -290,7 +290,7 @@ def test_an_edge_whose_beams_were_filtered_out_is_in_the_middle_of_the_gap(name,
     inside_m = x_m - wall_m if kept == "wall" else x_m
     lost = (inside_m > -wide * SPOT_M) & (x_m - wall_m < wide * SPOT_M)
     state = pointed(Prior.of(0.01, CONFIG).mean, STATION, CENTRE_M)
-    found = fit_edge(points[~lost], outline, 0.01, NOISE_M, CONFIG, Aim(state))
+    found = fit_edge(points[~lost], outline, 0.01, NOISE_M, CONFIG, Aim(state), chamfer_m=0.0)
     assert found.clean_shift_m == pytest.approx(-wide * SPOT_M, rel=0.2)
     aside_m = 0.0 if found.by_thickness_m is None else 0.4 * np.hypot(*found.by_thickness_m)
     assert np.hypot(*off_m(found)) < 3.72 * math.hypot(u_m(found), found.unlike_m, aside_m)

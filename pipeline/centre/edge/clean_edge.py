@@ -267,7 +267,7 @@ def by_backgrounds_m(linear: Equations) -> float:
 
 
 def _mean_depth(
-    x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Array, lean: Array
+    x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Array, lean: Array, alone: bool
 ) -> EdgeProfile:
     """Return the mean depth of face, chamfer and wall alone."""
     return edge_profile(
@@ -283,7 +283,7 @@ def _mean_depth(
         float(state[CHAMFER]),
         bevel_reflectance(lean, float(state[WALL])),
         lean=lean,
-        alone=True,
+        alone=alone,
     )
 
 
@@ -345,10 +345,13 @@ def mean_depths(
     state: Array,
     robust: bool,
     consistent: bool,
+    alone: bool = True,
 ) -> tuple[Array, ...]:
     """Return the rows of Equations for depths of target points: q to by_height.
 
     Where the face holds a whole footprint, the depth is that of the face, whatever the state.
+    alone: whether depths alone show the edge: slopes are those of `edge_profile` then. Beside
+    intensities, which show it better, the others move centres less.
     """
     rows = np.flatnonzero(chosen)
     parts = reaching(beams.x_m[rows], beams.tau[rows], state)
@@ -357,10 +360,12 @@ def mean_depths(
     square = 1.0 + np.sum(steep**2, axis=0)
     slant = (cut.tau + cut.bent) / square
     wall = np.maximum(_wall_slope(cut, float(np.exp(state[THICKNESS]))), 0.0)
-    profile = _mean_depth(cut.x_m, wall, slant, footprint_m(cut.tau, state), state, cut.tau)
-    # Beams that run otherwise see another slant, and have footprints that grew otherwise.
-    grown = profile.d_log_spot * cut.tau / (1.0 + cut.tau**2)
-    profile = replace(profile, d_lean=profile.d_lean + profile.d_slant / square + grown)
+    spot_m = footprint_m(cut.tau, state)
+    profile = _mean_depth(cut.x_m, wall, slant, spot_m, state, cut.tau, alone)
+    if alone:
+        # Beams that run otherwise see another slant, and have footprints that grew otherwise.
+        grown = profile.d_log_spot * cut.tau / (1.0 + cut.tau**2)
+        profile = replace(profile, d_lean=profile.d_lean + profile.d_slant / square + grown)
     residual, variance = z.copy(), np.full(len(rows), (problem.sigma_m + 1e-6) ** 2)
     residual[parts] -= profile.depth_m
     variance[parts] += (profile.d_x * POINTING_M) ** 2

@@ -13,7 +13,20 @@ from ...config import CentreConfig
 from ...targets import sector
 from ...vectors import Array
 from .beam_direction import has_background
-from .beams import CENTRE, CHAMFER, GROWTH, INVERSE, RATIO, ROTATION, SPOT, U_CHAMFER_M, WALL, Prior
+from .beams import (
+    BEAM,
+    CENTRE,
+    CHAMFER,
+    GROWTH,
+    INVERSE,
+    RATIO,
+    ROTATION,
+    SIZE_M,
+    SPOT,
+    U_CHAMFER_M,
+    WALL,
+    Prior,
+)
 from .clean_edge import (
     Wall,
     between_rows_m,
@@ -41,7 +54,11 @@ from .solution import (
 )
 
 ERODED = 0.4  # of the stated footprint: a clean edge that lies as far inside the target's is none
-SHOWN = 0.5  # of the standard uncertainty of a chamfer before anything was measured
+# Of depths that show a chamfer: its u, of that before anything was measured; widest footprint.
+SHOWN, FINE_M = 0.5, 6e-4
+# Slope of beams from which a clean edge that lies farther outside the target's, of the stated
+# footprint, is none: mixed pixels pass for one of a wide footprint then.
+STEEP, FARTHEST = 1.5, 1.0
 LEAST_CLEAN = 24  # points about an edge
 CONTRADICTED = 0.35  # share of outliers beside a clean edge: a background that says nothing
 # Squared distance of the centres with and without a background, of the latter's covariance: 0.01 by
@@ -53,6 +70,7 @@ NO_WALL_M, SHOWS_WALL = 1e-4, 1.3
 # How far unlike backgrounds move parts of a clean edge: at most, of where it lies; all of it, of
 # that of its parts.
 MOST_UNLIKE, ALL_ROUND = 0.5, 0.5
+WRONG_SIZE = 6.0  # u of a size, that no plate of that size differs by
 AS_NEAR = 2.0  # of what one size leaves of the points beside an edge, what a likelier one may leave
 # Of a gap: how far beside the stated edge its middle may lie, of half of it; farthest that a point
 # beside it counts.
@@ -72,7 +90,7 @@ SEEN = 0.5  # of that share of the sectors, that single intensities show before 
 
 
 def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit | None:
-    """Fit an edge without mixed pixels; None where a quarter of it has no background."""
+    """Fit an edge without mixed pixels; None where it has some, or for a quarter no background."""
     if not has_background(problem.plane, problem.depth, state, problem.outline):
         return None
     given, prior = problem, problem.prior.by_power()
@@ -88,6 +106,9 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
     loose = replace(problem, prior=problem.prior.unsized())
     found, other = _by_size(problem, loose, state, parted, config.max_iterations)
     lies_m = shift_m(found.state)
+    slope = float(np.hypot(*found.state[BEAM]))
+    if slope > STEEP and lies_m > FARTHEST * config.spot_radius_m:
+        return None
     ends_inside = lies_m < -ERODED * config.spot_radius_m
     if ends_inside:
         gapped = _filtered(problem, state, found.equations, config)
@@ -120,11 +141,14 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
 
 
 def _shows_form(problem: EdgeProblem, parted: Solution) -> bool:
-    """Return whether depths show the form of an edge: its chamfer, better than it was known.
+    """Return whether depths show the form of an edge: its chamfer, as if none were stated.
 
-    Footprints are finer than that, then, and intensities fade where the surface turns away.
+    Footprints are about as fine as that, then, and intensities fade where the surface turns away.
     """
-    covariance, *_ = spread(parted.equations, problem.outline, problem.prior, problem.few)
+    if parted.state[SPOT] > math.log(FINE_M):
+        return False
+    unstated = problem.prior.bevelled()
+    covariance, *_ = spread(parted.equations, problem.outline, unstated, problem.few)
     return float(covariance[CHAMFER, CHAMFER]) < (SHOWN * U_CHAMFER_M) ** 2
 
 
@@ -217,7 +241,7 @@ def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | Non
     def linearise(at: Array, iteration: int) -> Equations:
         return intensity_equations(problem, at, scatter, robust=iteration > UNDAMPED)
 
-    found = _iterated(linearise, problem, begin, most, damped=False)
+    found = _iterated(linearise, problem, begin, most, damped=problem.few)
     covered, explained = fading(problem, found.state)
     if covered < least or explained < EXPLAINED or misfit_of(found.equations) > MISFIT:
         return None
@@ -288,8 +312,11 @@ def _chance(prior: Prior, stated: Solution, grown: Solution) -> float:
     Where beams are square to a target, what the scanner reports may undo any growth: where the
     stated size explains as much, or the points beside the edge far better, their priors decide:
     depths alone, of a rounded edge as those of a wide footprint, show no size. Another size that
-    leaves those points far nearer, and the depths no worse, is not undone by a wide footprint.
+    leaves those points far nearer, and the depths no worse, is not undone by a wide footprint; nor
+    is one that the stated size itself asks for.
     """
+    if abs(stated.state[GROWTH]) > WRONG_SIZE * SIZE_M:
+        return 1.0
     beside_m, grown_m = _left_m(stated.equations), _left_m(grown.equations)
     if grown_m <= AS_NEAR * beside_m and explains_less(stated, grown, AS_MUCH):
         return 1.0

@@ -114,7 +114,8 @@ def intensity_equations(
     problem, beams = problem.near_edge(state, (INNER_M + float(state[GROWTH]), np.inf))
     beams = fanned(beams, state)
     beside = _beside(problem, beams, state)
-    depths = mean_depths(problem, beams, beside & (beams.x_m < 0.0), state, robust, robust)
+    chosen = beside & (beams.x_m < 0.0)
+    depths = mean_depths(problem, beams, chosen, state, robust, robust, alone=False)
     return Equations.stacked([depths, _intensities(problem, beams, beside, state, speckle, robust)])
 
 
