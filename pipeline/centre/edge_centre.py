@@ -17,7 +17,7 @@ from ..targets import Holes, Outline, Polygon, Target, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
-from .edge.beams import CENTRE, INVERSE, PARALLEL, ROTATION, SIZE_M, Prior
+from .edge.beams import CENTRE, INVERSE, PARALLEL, ROTATION, SIZE_M, WRONG_SIZE, Prior
 from .edge.fit_edge import (
     Aim,
     Behind,
@@ -80,10 +80,10 @@ SOUGHT = 1.5  # of its size: radius about the matched template in which its poin
 # Spacing from which, and match of a partly hidden target below which, the edge's start must be
 # better than the template's position: 20 mm off half a disc of 250 mm.
 SPARSE_M, HIDDEN = 0.006, 0.9
-# Standard deviations of an edge's growth at which doubt begins, and which a stated size does not
-# explain, if it is that many of its own u, too: where beams are square to a target, little is shown
-# of its size. Share of that growth's movement into the centre; least share of SIZE_M that is shown.
-STRANGE_SIZE, WRONG_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 4.0, 0.6, 0.1
+# Standard deviations of an edge's growth at which doubt begins; of its own u, beyond which a stated
+# size does not explain one of WRONG_SIZE: where beams are square to a target, little is shown of
+# its size. Share of that growth's movement into the centre; least share of SIZE_M that is shown.
+STRANGE_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 4.0, 0.6, 0.1
 # Share of a side without a background, from which it may lie elsewhere; up to which another size
 # shows all sides, and of the edge that it shows more; by how much half a width may be wrong.
 LOST_SIDE, FOUND_SIDE, MORE_COVERED = 0.3, 0.25, 0.05

@@ -145,11 +145,13 @@ def test_a_side_that_rows_run_along_lies_anywhere_between_two_of_them(angle_deg,
 
 
 MISSED = (5e-3, 5e-3, 6e-3, 6e-3, 6e-3, 1e-3, 1e-3, 1e-3, 5e-3, 1e-3, 1e-3, 5e-3, 1e-3, 0.0)
+AT_MODEL = {2: 0.06, 3: 0.1, 4: 0.08}  # missed by beams, whose slopes are at the modelled depths
 
 
+@pytest.mark.parametrize("rough", [False, True])
 @pytest.mark.parametrize("chamfer_m", [0.0, 4e-4])
 @pytest.mark.parametrize("index", range(STATE))
-def test_slopes_are_those_of_central_differences(index, chamfer_m):
+def test_slopes_are_those_of_central_differences(index, chamfer_m, rough):
     problem = problem_of("rectangle", 20.0)
     state = problem.prior.mean.copy()
     state[BEAM], state[INVERSE] = [-0.3152, -0.182], 0.42
@@ -157,12 +159,13 @@ def test_slopes_are_those_of_central_differences(index, chamfer_m):
     step = np.zeros(STATE)
     step[index] = 1e-9 if index in (0, 1, 8) else 1e-7
     here, ahead, behind = (
-        clean_equations(problem, state + s, True, True, True) for s in (0.0 * step, step, -step)
+        clean_equations(problem, state + s, True, rough, True) for s in (0.0 * step, step, -step)
     )
     assert len(here.residual_m) == len(ahead.residual_m) == len(behind.residual_m)
     seen = -(ahead.residual_m - behind.residual_m) / (2.0 * step[index])
     shown = here.slopes[:, index]
-    assert np.linalg.norm(seen - shown) <= MISSED[index] * np.linalg.norm(seen)
+    missed = MISSED[index] if rough else AT_MODEL.get(index, MISSED[index])
+    assert np.linalg.norm(seen - shown) <= missed * np.linalg.norm(seen)
 
 
 def test_depths_of_all_sizes_are_those_of_the_same_points():

@@ -690,42 +690,35 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
         assert better == 1.0
 
 
+SIZE_PRIOR = Prior.of(0.01, CONFIG).by_power().unsized()
+
+
+def of_size(growth_m, outliers, off_m):
+    """A solution of that growth, with outliers among its 30 depths, and 10 points beside it."""
+    state = SIZE_PRIOR.mean.copy()
+    state[GROWTH] = growth_m
+    weight = (0.0,) * outliers + (1.0,) * (40 - outliers)
+    found = ended(weight, depths=30, state=state)
+    found.equations.residual_m[30:] = off_m
+    return found
+
+
 @pytest.mark.parametrize(("outliers", "farther"), [(5, 0.4), (5, 0.6), (2, 0.4)])
 def test_another_size_counts_where_the_points_beside_the_edge_lie_far_nearer(outliers, farther):
     """A plate 12 mm larger: a footprint of 16 mm explained its depths, and left them 0.9 mm off."""
-
-    def solution(growth_m, outliers, off_m):
-        state = prior.mean.copy()
-        state[GROWTH] = growth_m
-        weight = (0.0,) * outliers + (1.0,) * (40 - outliers)
-        found = ended(weight, depths=30, state=state)
-        found.equations.residual_m[30:] = off_m
-        return found
-
-    prior = Prior.of(0.01, CONFIG).by_power().unsized()
-    stated, grown = solution(0.0, outliers, 2e-5), solution(3.0 * WRONG_SIZE_M, 5, farther * 2e-5)
+    stated, grown = of_size(0.0, outliers, 2e-5), of_size(3.0 * WRONG_SIZE_M, 5, farther * 2e-5)
     by_prior = 0.5 - 0.5 * math.tanh(9.0 / 4.0)
     is_nearer = outliers == 5 and farther * AS_NEAR < 1.0
-    likely = clean_fit._chance(prior, stated, grown)
+    likely = clean_fit._chance(SIZE_PRIOR, stated, grown)
     assert likely == (1.0 if is_nearer else pytest.approx(by_prior, abs=1e-12))
 
 
-@pytest.mark.parametrize("farther", [0.6, 1.0, 1.9, 2.1, 5.0])
+@pytest.mark.parametrize("farther", [0.5, 1.0, 1.9, 2.1, 5.0])
 def test_another_size_is_none_where_the_points_beside_the_edge_lie_far_from_it(farther):
     """Whatever it explains of the depths, as a wide footprint does of a rounded edge."""
-
-    def solution(growth_m, outliers, off_m):
-        state = prior.mean.copy()
-        state[GROWTH] = growth_m
-        weight = (0.0,) * outliers + (1.0,) * (40 - outliers)
-        found = ended(weight, depths=30, state=state)
-        found.equations.residual_m[30:] = off_m
-        return found
-
-    prior = Prior.of(0.01, CONFIG).by_power().unsized()
-    stated, grown = solution(0.0, 20, 2e-5), solution(3.0 * WRONG_SIZE_M, 5, farther * 2e-5)
+    stated, grown = of_size(0.0, 20, 2e-5), of_size(3.0 * WRONG_SIZE_M, 5, farther * 2e-5)
     by_prior = 0.5 - 0.5 * math.tanh(9.0 / 4.0)
-    likely = clean_fit._chance(prior, stated, grown)
+    likely = clean_fit._chance(SIZE_PRIOR, stated, grown)
     assert likely == (1.0 if farther < AS_NEAR else pytest.approx(by_prior, abs=1e-12))
 
 

@@ -82,10 +82,10 @@ def test_a_chamfer_that_no_fit_shows_is_in_the_uncertainty(tmp_path, case, targe
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [13, 22])
 def test_a_round_that_is_darker_is_no_footprint(tmp_path, seed):
-    """Of laser profiles: where intensities fade by the edge's form, depths show it.
+    """Where intensities of laser profiles fade by the edge's form, depths show it.
 
-    By intensities the first of these was refused, as of a target 0.9 mm larger. Of the other one,
-    0.17 mm smaller than stated, a centre was off by 0.1 mm.
+    By intensities the first of these was refused, as of a target 0.9 mm larger. A centre of the
+    other one, 0.17 mm smaller than stated, was off by 0.1 mm.
     """
     found = list(squares(tmp_path, "line-profile", seed, WHEELS))
     assert sum(square for square, _ in found) < stats.chi2.isf(1e-3, 2 * len(found))

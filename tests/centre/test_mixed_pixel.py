@@ -432,7 +432,7 @@ def test_slopes_of_a_chamfer_are_those_of_central_differences(chamfer, leaning):
 
 @pytest.mark.parametrize("chamfer", [0.0, 4e-4])
 def test_slopes_of_a_target_alone_are_those_of_central_differences(chamfer):
-    """What lies beside the beam's axis counts: by the footprint it was wrong by its own size."""
+    """The slope by the footprint was wrong by its own size, without what lies beside the axis."""
     rng, count = np.random.default_rng(0), 2000
     tau = rng.uniform(-0.6, 0.6, count)
     state = {

@@ -232,6 +232,7 @@ ALIKE_MODULATION = 20.0  # of two edges of one scan (k = 1)
 STATED_MODULATION = 0.1  # relative, of a stated one (k = 1): its wavelength to 5 %
 MORE = 1.001  # than a held standard uncertainty
 WRONG_SIZE_M = 1e-3  # of a radius that is wrong (k = 1)
+WRONG_SIZE = 6.0  # u of a size, by which no plate of that size differs
 STATION_M = 0.005  # of a scanner's stated position against the origin of its beams (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # least depth of a background

@@ -25,6 +25,7 @@ from .beams import (
     SPOT,
     U_CHAMFER_M,
     WALL,
+    WRONG_SIZE,
     Prior,
 )
 from .clean_edge import (
@@ -70,7 +71,6 @@ NO_WALL_M, SHOWS_WALL = 1e-4, 1.3
 # How far unlike backgrounds move parts of a clean edge: at most, of where it lies; all of it, of
 # that of its parts.
 MOST_UNLIKE, ALL_ROUND = 0.5, 0.5
-WRONG_SIZE = 6.0  # u of a size, that no plate of that size differs by
 AS_NEAR = 2.0  # of what one size leaves of the points beside an edge, what a likelier one may leave
 # Of a gap: how far beside the stated edge its middle may lie, of half of it; farthest that a point
 # beside it counts.
