@@ -26,7 +26,6 @@ from .beams import (
     CHAMFER,
     GROWTH,
     INVERSE,
-    LEAST_WALL,
     MIN_DEPTH_M,
     RATIO,
     SHAPE,
@@ -51,11 +50,9 @@ from .edge_residuals import (
 )
 from .mixed_pixel import END, EdgeProfile, edge_profile, profile_of
 
-SLOPES = 97  # of the wall against the beams, at which x* is solved
+SLOPES = np.arange(-48, 49) / 48.0  # of the wall against the beams, at which x* is solved
 HALVINGS = 20
 NONE = 1e-9  # reflectance of what is not in the return
-STEP_M, STEP = 1e-6, 1e-4  # of x* and of tau, for derivatives of x*
-STEPS = np.array([1e-4, 1e-6, 1e-4, 1e-4, 1e-4, 1e-4, 1e-6, 1e-4])  # of what it depends on
 LEAST_SLOPE = 1.0  # 1/m, of the powers at x*
 SECTOR_COUNTS = (96, 48, 24, 12, 6)  # of the outline, in which the nearest points are looked up
 LEAST_IN_SECTOR = 12  # points in its ring
@@ -116,7 +113,7 @@ def gapped_equations(
     def parted(tau: Array) -> _Parted:
         if wall == "by power":
             return _Parted(state, tau, (_edge_table(tau, state),), filtered=True)
-        thickness, ends = float(np.exp(state[THICKNESS])), np.zeros((10, SLOPES))
+        thickness, ends = float(np.exp(state[THICKNESS])), np.zeros((10, len(tau)))
         ends[1] = np.where(tau > 0.0, thickness, state[CHAMFER])
         ends[0] = ends[1] * tau
         ends[3], ends[8] = tau.clip(min=0.0), tau.clip(max=0.0)
@@ -167,7 +164,7 @@ def _linearised(
         beams = fanned(beams, state)
         on_target, seen = seen_target(problem, beams, state)
         steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
-        parted = parted_at(np.linspace(-steepest, steepest, SLOPES))
+        parted = parted_at(steepest * SLOPES)
         beyond_m = parted.beyond_m(beams)
         spacing = _spacing(beams, on_target & _in_ring(beyond_m[0]))
         if spacing.gap_m < outer_m:
@@ -213,7 +210,7 @@ def first_state(state: Array) -> Array:
 
 def shift_m(state: Array) -> float:
     """Return how far outside the edge, away from a wall, target and background part."""
-    return float(_edge_m(np.zeros(1), _values(state))[0])
+    return float(_edge_m(np.zeros(1), state)[0])
 
 
 def between_rows_m(problem: EdgeProblem, state: Array) -> float:
@@ -291,51 +288,70 @@ def _edge_table(tau: Array, state: Array) -> Array:
     """Return x* and its derivatives (10, K) at slopes tau (K,).
 
     By tau, log spot, thickness, log ratio, reflectance of the wall, shape, Lambert's share, chamfer
-    and its reflectance: those of an implicit function, by central differences of what is 0 at x*.
+    and its reflectance: those of the implicit function whose parts `_edges` returns.
     """
-    values = _values(state)
-    x = _edge_m(tau, values)
-    apart = [(_excess(x + h, tau, values), _excess(x - h, tau, values)) for h in (STEP_M,)]
-    apart += [(_excess(x, tau + STEP, values), _excess(x, tau - STEP, values))]
-    for way in np.diag(STEPS):
-        apart += [(_excess(x, tau, values + way), _excess(x, tau, values - way))]
-    steps = np.array([STEP_M, STEP, *STEPS])
-    slopes = np.array([ahead - behind for ahead, behind in apart]) / (2.0 * steps[:, None])
-    return np.stack([x, *(-slopes[1:] / np.minimum(slopes[0], -LEAST_SLOPE))])
+    x_m, facing = _edge_m(tau, state), np.heaviside(tau, 0.5)
+    ends_m, steps = _edges(tau, state)
+    spot_m, off_m = footprint_m(tau, state), x_m - ends_m
+    at = profile_of(float(state[SHAPE])).at(off_m / spot_m)
+    F_0, F_1, F_2 = at.share
+    by_ends = steps * at.density / spot_m
+    per_m = np.maximum(by_ends.sum(axis=0), LEAST_SLOPE)
+    bevel_by_tau, bevel_by_wall = bevel_slopes(tau, state)
+    shown = wall_reflectance(tau, state)[1]
+    wall_m = state[CHAMFER] + facing * (np.exp(state[THICKNESS]) - state[CHAMFER])
+    grown = by_ends * off_m  # with the footprint
+
+    def darker(bevel: Array | float, wall: Array | float, behind: float = 0.0) -> Array:
+        """Return how much power the target loses where these reflectances grow so much (K,)."""
+        return np.asarray(bevel * (F_1 - F_0) + wall * (F_2 - F_1) + behind * F_2)
+
+    by_tau = by_ends[1] * state[CHAMFER] + by_ends[2] * wall_m
+    by_tau += grown.sum(axis=0) * tau / (1.0 + tau**2)
+    slopes = [
+        by_tau - darker(bevel_by_tau, shown * state[WALL]),
+        grown.sum(axis=0),
+        by_ends[2] * facing * tau,
+        -darker(0.0, 0.0, float(np.exp(state[RATIO]))),
+        -darker(0.0, shown),
+        -np.sum(steps * at.share_by_shape, axis=0),
+        -darker(bevel_by_wall, shown * (tau - 1.0)),
+        (by_ends[1] + by_ends[2] * (1.0 - facing)) * tau - by_ends[0],
+        -darker(1.0, 0.0),
+    ]
+    return np.stack([x_m, *(np.array(slopes) / per_m)])
 
 
-def _values(state: Array) -> Array:
-    """Return what x* depends on, (8,)."""
-    of_wall = state[RATIO], 0.0, state[SHAPE], state[WALL]
-    return np.array([state[SPOT], np.exp(state[THICKNESS]), *of_wall, state[CHAMFER], 0.0])
-
-
-def _edge_m(tau: Array, values: Array) -> Array:
+def _edge_m(tau: Array, state: Array) -> Array:
     """Return x* (K,) at slopes tau (K,), by bisection, and by the chord of what that leaves."""
-    spot = np.exp(values[0]) * np.sqrt(1.0 + tau**2)
-    low, high = -2.0 * spot - values[6], values[1] * np.maximum(tau, 0.0) + 2.0 * spot
+    (ends_m, steps), spot_m = _edges(tau, state), footprint_m(tau, state)
+    profile = profile_of(float(state[SHAPE]))
+
+    def excess(x_m: Array) -> Array:
+        """Return the target's power less the background's (K,)."""
+        return np.asarray(1.0 - np.sum(steps * profile.share((x_m - ends_m) / spot_m), axis=0))
+
+    low, high = ends_m.min(axis=0) - END * spot_m, ends_m.max(axis=0) + END * spot_m
     for _ in range(HALVINGS):
-        x = (low + high) / 2.0
-        nearer = _excess(x, tau, values) > 0.0
-        low, high = np.where(nearer, x, low), np.where(nearer, high, x)
-    left, right = _excess(low, tau, values), _excess(high, tau, values)
+        x_m = (low + high) / 2.0
+        nearer = excess(x_m) > 0.0
+        low, high = np.where(nearer, x_m, low), np.where(nearer, high, x_m)
+    left, right = excess(low), excess(high)
     share = np.clip(left / np.maximum(left - right, np.finfo(float).eps), 0.0, 1.0)
     return np.asarray(low + share * (high - low))
 
 
-def _excess(x_m: Array, tau: Array, values: Array) -> Array:
-    """Return the target's power less the background's (K,).
+def _edges(tau: Array, state: Array) -> tuple[Array, Array]:
+    """Return where face, chamfer and wall end, and how much darker it is beyond each; (3, K) each.
 
-    A beam meets the face, the chamfer, the wall if that is seen, and what lies behind.
+    A beam meets the face, the chamfer, the wall if that is seen, and what lies behind: the power of
+    the target less that of the background is 1 less the sum of those steps by the shares F there.
     """
-    log_spot, thickness, log_ratio, brighter, shape, lambert, chamfer, lighter = values
-    spot, profile = np.exp(log_spot) * np.sqrt(1.0 + tau**2), profile_of(float(shape))
-    wall = np.maximum(1.0 + lambert * (tau - 1.0) + brighter, LEAST_WALL)
-    Fa = profile.share((x_m + chamfer) / spot)
-    Fc = profile.share((x_m - chamfer * tau) / spot)
-    Fb = profile.share((x_m - np.where(tau > 0.0, thickness, chamfer) * tau) / spot)
-    bevel = bevel_reflectance(tau, lambert) + lighter
-    return np.asarray(1.0 - Fa + bevel * (Fa - Fc) + wall * (Fc - Fb) - np.exp(log_ratio) * Fb)
+    nothing, wall = np.zeros(len(tau)), wall_reflectance(tau, state)[0]
+    bevel = bevel_reflectance(tau, float(state[WALL]))
+    ends = np.where(tau > 0.0, np.exp(state[THICKNESS]), state[CHAMFER])
+    ends_m = np.stack([nothing - state[CHAMFER], state[CHAMFER] * tau, ends * tau])
+    return ends_m, np.stack([1.0 - bevel, bevel - wall, wall + np.exp(state[RATIO])])
 
 
 def mean_depths(
