@@ -92,12 +92,13 @@ def test_a_stated_chamfer_is_used(stated_m):
 
 
 CLEAN = Setup(noise_m=3e-4, spot_m=0.0, spacing_m=0.0008, incidence_deg=28.0)
+PROFILED = CLEAN.but(noise_m=5e-5, spacing_m=0.0005, incidence_deg=18.0, radius_m=0.125 - 8.5e-5)
 
 
-def clean(chamfer_m, rounded=False, scene=CLEAN, **stated):
+def clean(chamfer_m, rounded=False, scene=CLEAN, seeds=range(SEEDS), **stated):
     """Beams of no footprint, each of which returns one surface, from all around."""
     target = DISC.model_copy(update=stated)
-    for seed in range(SEEDS):
+    for seed in seeds:
         seen = scene.but(chamfer_m=chamfer_m, rounded=rounded, azimuth_deg=60.0 * seed)
         yield found(make(seen, seed), target, seed)
 
@@ -116,8 +117,7 @@ def test_depths_of_a_clean_edge_show_its_chamfer_and_its_size(chamfer_m):
 
     Taken for sharp and of the stated size, such edges were off by up to 0.1 mm at a u of 0.01.
     """
-    fine = CLEAN.but(noise_m=5e-5, spacing_m=0.0005, incidence_deg=18.0, radius_m=0.125 - 8.5e-5)
-    results = list(clean(chamfer_m, scene=fine))
+    results = list(clean(chamfer_m, scene=PROFILED))
     assert np.mean([one.nees for one in results]) < stats.chi2.ppf(0.999, 2 * SEEDS) / SEEDS
     assert np.sqrt(np.mean([np.sum(one.error_m**2) for one in results])) < 2e-5
     assert np.median([one.u_m for one in results]) < 2e-5
@@ -125,6 +125,14 @@ def test_depths_of_a_clean_edge_show_its_chamfer_and_its_size(chamfer_m):
         edge_fit = one.fitted.edge_fit
         assert edge_fit.chamfer_m == pytest.approx(chamfer_m, abs=6e-5)
         assert abs(edge_fit.growth_m + 8.5e-5) < 4.0 * edge_fit.growth_u_m
+
+
+@pytest.mark.parametrize("chamfer_m", [1e-4, 2e-4])
+def test_a_wide_footprint_passes_for_no_narrow_chamfer(chamfer_m):
+    """Beams so placed that it explained their depths too, 0.06 to 0.07 mm off."""
+    (seen,) = clean(chamfer_m, scene=PROFILED, seeds=[12])
+    assert np.linalg.norm(seen.error_m) < 2e-5
+    assert seen.fitted.edge_fit.chamfer_m == pytest.approx(chamfer_m, abs=6e-5)
 
 
 def test_of_a_clean_edge_a_stated_radius_is_used():

@@ -303,9 +303,33 @@ def test_first_returns_may_explain_what_seems_another_size(
     alone = {False: solutions["alone"], True: solutions["stated"]}
     monkeypatch.setattr(clean_fit, "_explained", lambda *args, by_power: alone[by_power])
     monkeypatch.setattr(clean_fit, "_grown", lambda problem, state, most: solutions["grown"])
+    monkeypatch.setattr(clean_fit, "_likelier", lambda problem, found, state, most: found)
     monkeypatch.setattr(solution, "unexplained", lambda found: left[found.state])
     found = clean_fit._by_size(None, None, None, solutions["stated"], 40)
     assert found == (solutions[taken], solutions["grown"])
+
+
+@pytest.mark.parametrize(
+    ("begin", "ended", "left", "count", "taken"),
+    [
+        (1.0, 1.0, 1.0, 400, "other"),
+        (1.0, 1.0, 1.02, 400, "other"),
+        (1.0, 1.0, 1.03, 400, "found"),
+        (1.0, 1.0, 0.5, 400, "other"),
+        (1.0, 3.0, 0.5, 400, "found"),
+        (3.0, 1.0, 0.5, 400, "found"),
+    ],
+)
+def test_a_likelier_state_may_lead_to_a_likelier_solution(
+    monkeypatch, begin, ended, left, count, taken
+):
+    """It is sought from there alone, and counts unless it explains less, not by chance."""
+    equations = SimpleNamespace(residual_m=np.ones(count), rows=None)
+    found, other = (SimpleNamespace(state=off, equations=equations) for off in (2.0, ended))
+    problem = SimpleNamespace(prior=SimpleNamespace(off=lambda state: state))
+    monkeypatch.setattr(clean_fit, "_by_returns", lambda *args: other)
+    monkeypatch.setattr(solution, "unexplained", lambda one: 1.0 if one is found else left)
+    assert clean_fit._likelier(problem, found, begin, 40) is {"found": found, "other": other}[taken]
 
 
 @pytest.mark.parametrize("ratio", [0.1, 1.0, 3.0])

@@ -286,12 +286,26 @@ def _by_size(
     Where the former explains less, first and last returns may explain more than those by power.
     """
     grown = _grown(loose, found.state, most)
+    found = _likelier(problem, found, grown.state, most)
     if not explains_less(found, grown, AS_MUCH):
         return found, grown
     alone = _explained(problem, state, most, by_power=False)
     if not explains_less(found, alone, AS_MUCH):
         return found, grown
     return alone, _grown(loose, alone.state, most)
+
+
+def _likelier(problem: EdgeProblem, found: Solution, state: Array, most: int) -> Solution:
+    """Return a solution, or the one from a likelier state (14,) that explains no less, if likelier.
+
+    Depths of an edge have several solutions: a wide footprint passes for a narrow chamfer.
+    """
+    off = problem.prior.off
+    if off(state) >= off(found.state):
+        return found
+    other = _by_returns(problem, state, most)
+    likelier = off(other.state) < off(found.state) and not explains_less(other, found)
+    return other if likelier else found
 
 
 def _grown(problem: EdgeProblem, state: Array, most: int) -> Solution:
