@@ -283,6 +283,12 @@ def test_first_and_last_returns_are_those_of_ratios_far_from_one(monkeypatch, be
     assert state[WALL] == state_of()[WALL]
 
 
+def of_points(count, state):
+    """A solution of so many clean points; its state stands for itself."""
+    equations = SimpleNamespace(residual_m=np.ones(count), rows=None)
+    return SimpleNamespace(state=state, equations=equations)
+
+
 @pytest.mark.parametrize(
     ("stated", "grown", "alone", "count", "taken"),
     [
@@ -298,8 +304,7 @@ def test_first_returns_may_explain_what_seems_another_size(
 ):
     """They are tried where the stated size explains less than another, and not by chance."""
     left = {"stated": stated, "grown": grown, "alone": alone}
-    equations = SimpleNamespace(residual_m=np.ones(count), rows=None)
-    solutions = {name: SimpleNamespace(state=name, equations=equations) for name in left}
+    solutions = {name: of_points(count, state=name) for name in left}
     alone = {False: solutions["alone"], True: solutions["stated"]}
     monkeypatch.setattr(clean_fit, "_explained", lambda *args, by_power: alone[by_power])
     monkeypatch.setattr(clean_fit, "_grown", lambda problem, state, most: solutions["grown"])
@@ -310,22 +315,19 @@ def test_first_returns_may_explain_what_seems_another_size(
 
 
 @pytest.mark.parametrize(
-    ("begin", "ended", "left", "count", "taken"),
+    ("begin", "ended", "left", "taken"),
     [
-        (1.0, 1.0, 1.0, 400, "other"),
-        (1.0, 1.0, 1.02, 400, "other"),
-        (1.0, 1.0, 1.03, 400, "found"),
-        (1.0, 1.0, 0.5, 400, "other"),
-        (1.0, 3.0, 0.5, 400, "found"),
-        (3.0, 1.0, 0.5, 400, "found"),
+        (1.0, 1.0, 1.0, "other"),
+        (1.0, 1.0, 1.02, "other"),
+        (1.0, 1.0, 1.03, "found"),
+        (1.0, 1.0, 0.5, "other"),
+        (1.0, 3.0, 0.5, "found"),
+        (3.0, 1.0, 0.5, "found"),
     ],
 )
-def test_a_likelier_state_may_lead_to_a_likelier_solution(
-    monkeypatch, begin, ended, left, count, taken
-):
+def test_a_likelier_state_may_lead_to_a_likelier_solution(monkeypatch, begin, ended, left, taken):
     """It is sought from there alone, and counts unless it explains less, not by chance."""
-    equations = SimpleNamespace(residual_m=np.ones(count), rows=None)
-    found, other = (SimpleNamespace(state=off, equations=equations) for off in (2.0, ended))
+    found, other = (of_points(400, state=off) for off in (2.0, ended))
     problem = SimpleNamespace(prior=SimpleNamespace(off=lambda state: state))
     monkeypatch.setattr(clean_fit, "_by_returns", lambda *args: other)
     monkeypatch.setattr(solution, "unexplained", lambda one: 1.0 if one is found else left)

@@ -210,7 +210,7 @@ def first_state(state: Array) -> Array:
 
 def shift_m(state: Array) -> float:
     """Return how far outside the edge, away from a wall, target and background part."""
-    return float(_edge_m(np.zeros(1), state)[0])
+    return float(_edge_m(*_edges(np.zeros(1), state), state)[0])
 
 
 def between_rows_m(problem: EdgeProblem, state: Array) -> float:
@@ -290,9 +290,9 @@ def _edge_table(tau: Array, state: Array) -> Array:
     By tau, log spot, thickness, log ratio, reflectance of the wall, shape, Lambert's share, chamfer
     and its reflectance: those of the implicit function whose parts `_edges` returns.
     """
-    x_m, facing = _edge_m(tau, state), np.heaviside(tau, 0.5)
-    ends_m, steps = _edges(tau, state)
-    spot_m, off_m = footprint_m(tau, state), x_m - ends_m
+    ends_m, steps, spot_m = _edges(tau, state)
+    x_m, facing = _edge_m(ends_m, steps, spot_m, state), np.heaviside(tau, 0.5)
+    off_m = x_m - ends_m
     at = profile_of(float(state[SHAPE])).at(off_m / spot_m)
     F_0, F_1, F_2 = at.share
     by_ends = steps * at.density / spot_m
@@ -300,17 +300,17 @@ def _edge_table(tau: Array, state: Array) -> Array:
     bevel_by_tau, bevel_by_wall = bevel_slopes(tau, state)
     shown = wall_reflectance(tau, state)[1]
     wall_m = state[CHAMFER] + facing * (np.exp(state[THICKNESS]) - state[CHAMFER])
-    grown = by_ends * off_m  # with the footprint
+    grown = np.sum(by_ends * off_m, axis=0)  # with the footprint
 
     def darker(bevel: Array | float, wall: Array | float, behind: float = 0.0) -> Array:
         """Return how much power the target loses where these reflectances grow so much (K,)."""
         return np.asarray(bevel * (F_1 - F_0) + wall * (F_2 - F_1) + behind * F_2)
 
     by_tau = by_ends[1] * state[CHAMFER] + by_ends[2] * wall_m
-    by_tau += grown.sum(axis=0) * tau / (1.0 + tau**2)
+    by_tau += grown * tau / (1.0 + tau**2)
     slopes = [
         by_tau - darker(bevel_by_tau, shown * state[WALL]),
-        grown.sum(axis=0),
+        grown,
         by_ends[2] * facing * tau,
         -darker(0.0, 0.0, float(np.exp(state[RATIO]))),
         -darker(0.0, shown),
@@ -322,9 +322,8 @@ def _edge_table(tau: Array, state: Array) -> Array:
     return np.stack([x_m, *(np.array(slopes) / per_m)])
 
 
-def _edge_m(tau: Array, state: Array) -> Array:
-    """Return x* (K,) at slopes tau (K,), by bisection, and by the chord of what that leaves."""
-    (ends_m, steps), spot_m = _edges(tau, state), footprint_m(tau, state)
+def _edge_m(ends_m: Array, steps: Array, spot_m: Array, state: Array) -> Array:
+    """Return x* (K,) by what `_edges` returns: by bisection, and by the chord of what is left."""
     profile = profile_of(float(state[SHAPE]))
 
     def excess(x_m: Array) -> Array:
@@ -341,17 +340,19 @@ def _edge_m(tau: Array, state: Array) -> Array:
     return np.asarray(low + share * (high - low))
 
 
-def _edges(tau: Array, state: Array) -> tuple[Array, Array]:
+def _edges(tau: Array, state: Array) -> tuple[Array, Array, Array]:
     """Return where face, chamfer and wall end, and how much darker it is beyond each; (3, K) each.
 
-    A beam meets the face, the chamfer, the wall if that is seen, and what lies behind: the power of
-    the target less that of the background is 1 less the sum of those steps by the shares F there.
+    And the radius (K,) of the footprints, at slopes tau (K,). A beam meets the face, the chamfer,
+    the wall if that is seen, and what lies behind: the power of the target less that of the
+    background is 1 less the sum of those steps by the shares F there.
     """
     nothing, wall = np.zeros(len(tau)), wall_reflectance(tau, state)[0]
     bevel = bevel_reflectance(tau, float(state[WALL]))
     ends = np.where(tau > 0.0, np.exp(state[THICKNESS]), state[CHAMFER])
     ends_m = np.stack([nothing - state[CHAMFER], state[CHAMFER] * tau, ends * tau])
-    return ends_m, np.stack([1.0 - bevel, bevel - wall, wall + np.exp(state[RATIO])])
+    steps = np.stack([1.0 - bevel, bevel - wall, wall + np.exp(state[RATIO])])
+    return ends_m, steps, footprint_m(tau, state)
 
 
 def mean_depths(

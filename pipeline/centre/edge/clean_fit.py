@@ -296,9 +296,10 @@ def _by_size(
 
 
 def _likelier(problem: EdgeProblem, found: Solution, state: Array, most: int) -> Solution:
-    """Return a solution, or the one from a likelier state (14,) that explains no less, if likelier.
+    """Return the likelier of a solution and the one to which a likelier state (14,) leads.
 
-    Depths of an edge have several solutions: a wide footprint passes for a narrow chamfer.
+    The latter only where it explains no less. Depths of an edge have several solutions: a wide
+    footprint passes for a narrow chamfer.
     """
     off = problem.prior.off
     if off(state) >= off(found.state):
