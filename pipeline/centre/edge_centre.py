@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from .edge.fit_edge import (
     Aim,
     Behind,
     aimed,
+    first_lost,
     fit_edge,
     fit_intensities,
     look_behind,
@@ -40,6 +42,8 @@ from .outline_fit import (
 )
 from .target_view import TargetView
 from .uncut_edges import BEYOND_M, in_sectors, uncut_sectors
+
+F = TypeVar("F")
 
 # Logs of the thickness between two edges of one plate, from which the second is doubtful, or none:
 # three and eight times what is known beforehand. Something before the background, just beyond the
@@ -189,10 +193,8 @@ def _by_edge(
     if outline.shows_rotation:
         face, near, edge_fit = _uncut(view, outline, start, (face, near), edge_fit, known or aim)
     if edge_fit is not None and isinstance(outline, Polygon):
-        begin = known or aim
-        _check_sides(
-            edge_fit, outline, lambda other: _by_mixed_pixels(view, other, start, near, begin)
-        )
+        other = partial(_resized, view, start=start, near=near, begin=known or aim)
+        _check_sides(edge_fit, outline, other)
     if edge_fit is not None and _is_sure(edge_fit):
         _check_size(edge_fit, outline, config.spot_radius_m)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
@@ -345,6 +347,22 @@ def _check_sides(
             )
 
 
+def _resized(
+    view: TargetView,
+    outline: Polygon,
+    start: tuple[Array, float],
+    near: Array,
+    begin: EdgeFit | Aim | None,
+) -> EdgeFit | None:
+    """Fit an outline of another size; None where sides lack a background in a first fit already.
+
+    One of a wrong size takes many steps, and leaves out more with each. As `_by_mixed_pixels`.
+    """
+    if begin is not None and max(_fit(first_lost, view, outline)(near, begin=begin)) > FOUND_SIDE:
+        return None
+    return _by_mixed_pixels(view, outline, start, near, begin)
+
+
 def _fits_size(edge_fit: EdgeFit, spot_m: float) -> bool:
     """Return whether SIZE_M explains where the edge lies all round."""
     return _is_explained(edge_fit, edge_fit.growth_m, edge_fit.growth_u_m, spot_m)
@@ -407,9 +425,7 @@ def _aimed(
     return aimed(near, outline, view.target.thickness, view.config, start, view.station, inverse)
 
 
-def _fit(
-    view: TargetView, outline: Outline, fit: Callable[..., EdgeFit | None] = fit_edge
-) -> partial[EdgeFit | None]:
+def _fit(fit: Callable[..., F], view: TargetView, outline: Outline) -> partial[F]:
     """Return `fit_edge`, or another, of this outline; points and where to begin are left to it."""
     chamfer_m, roundness = _edge_of(view.target)
     return partial(
@@ -444,7 +460,7 @@ def _by_mixed_pixels(
     such solutions, too.
     near: points (N, 3 or 5) about the outline. begin: as in `fit_edge`; None: found from more.
     """
-    fit = _fit(view, outline)
+    fit = _fit(fit_edge, view, outline)
     edge_fit = None if begin is None else fit(near, begin=begin)
     if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
         if isinstance(begin, EdgeFit) or _is_likely(edge_fit, begin, view.config.spot_radius_m):
@@ -462,7 +478,7 @@ def _by_mixed_pixels(
     if near.shape[1] < WITH_INTENSITY:
         return None
     begin = square_on(view.target.thickness, view.config, start)
-    return _fit(view, outline, fit_intensities)(near, begin=begin)
+    return _fit(fit_intensities, view, outline)(near, begin=begin)
 
 
 def _uncut(
@@ -494,7 +510,7 @@ def _uncut(
             near = view.near(outline, pose, STEEPEST, even=True)
         near = near[in_sectors(kept, near[:, :2], -near[:, 2], outline, state)]
         begin = replace(begin, state=state) if isinstance(begin, Aim) else begin or edge_fit
-        edge_fit = _fit(view, outline)(near, begin=begin)
+        edge_fit = _fit(fit_edge, view, outline)(near, begin=begin)
     return face, near, edge_fit
 
 

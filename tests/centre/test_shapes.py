@@ -12,6 +12,7 @@ from scipy import optimize, stats
 from tests.support.plates import Found, fit, found, in_target, patch_of
 from tests.support.printing import setup_of
 from tests.support.scenes import Setup, Sheet, make, rotation
+from wheelplane.centre import edge_centre
 from wheelplane.config import PlaneConfig
 from wheelplane.errors import NotMeasuredError
 from wheelplane.plane import fit_plane
@@ -312,6 +313,22 @@ def test_one_dimension_3_mm_wrong_is_refused_or_harmless(width_mm, height_mm, se
     if not status:
         assert np.all(np.abs(result.error_m) < 2.0 * np.sqrt(np.diag(result.covariance_m2)))
     assert status in ("wrong-outline", "")
+
+
+@pytest.mark.parametrize("width_mm", [3, -3])
+def test_no_other_size_than_the_true_one_is_fitted_to_its_end(width_mm, monkeypatch):
+    """Of the others, a first fit already has sides without a background: four times as fast."""
+    half_m, whole = (0.18 + width_mm / 2e3, 0.12), edge_centre._by_mixed_pixels
+    fitted_m = []
+
+    def counted(view, outline, *rest):
+        fitted_m.append(outline.half_m)
+        return whole(view, outline, *rest)
+
+    monkeypatch.setattr(edge_centre, "_by_mixed_pixels", counted)
+    with pytest.raises(NotMeasuredError, match="across u are not as far apart"):
+        found(make(setup_of(RECTANGLE, PLAIN).but(half_m=half_m), 1), RECTANGLE, 1)
+    np.testing.assert_allclose(fitted_m, [(0.18, 0.12), half_m], atol=1e-12)
 
 
 def test_plain_holes_of_the_target_need_to_be_there():

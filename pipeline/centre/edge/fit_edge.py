@@ -40,7 +40,7 @@ from .beams import (
 from .clean_edge import target_depth_m
 from .clean_fit import by_intensity, fit_clean
 from .edge_residuals import FEW, OUTER_M, EdgeProblem
-from .mixed_fit import fit_mixed
+from .mixed_fit import fit_mixed, lost_at_first
 from .mixed_pixel import EITHER
 from .solution import MISFIT, EdgeFit
 
@@ -116,6 +116,26 @@ def _mixed_share_of_few(problem: EdgeProblem, state: Array) -> float:
     background = problem.background(state)
     deepest_m = target_depth_m(state, problem.sigma_m)
     return mixed_share_of_few(beams, problem.depth, background, deepest_m)
+
+
+def first_lost(
+    uvw_m: Array,
+    outline: Outline,
+    thickness_m: float | None,
+    sigma_m: float,
+    config: CentreConfig,
+    begin: Aim | EdgeFit,
+    chamfer_m: float | None = None,
+    roundness: float = EITHER,
+) -> tuple[float, float]:
+    """Return the shares of an outline's sides that a first fit to mixed pixels has lost.
+
+    Across u and v; points as in `fit_edge`. Of few points, whose sectors no fit leaves out, 0.
+    """
+    problem, state = _problem(
+        uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m, roundness
+    )
+    return (0.0, 0.0) if problem.few else lost_at_first(problem, state, config.max_iterations)
 
 
 def fit_intensities(

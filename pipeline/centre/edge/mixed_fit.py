@@ -54,6 +54,7 @@ from .solution import (
     as_stretched,
     by_round,
     explains_less,
+    lost_sides,
     record,
     settled,
     unexplained,
@@ -154,6 +155,12 @@ def fit_mixed(
     if chosen.by_thickness_m is None:
         return as_stretched(chosen, other, doubted)
     return replace(stretched, by_thickness_m=chosen.by_thickness_m)
+
+
+def lost_at_first(problem: EdgeProblem, state: Array, most: int) -> tuple[float, float]:
+    """Return the shares of sides without a background by a first solution, see `lost_sides`."""
+    found = _by_backgrounds(problem, state, most)
+    return lost_sides(found.background.usable & ~found.equations.uneven(), problem.outline)
 
 
 def _is_wider(fitted: EdgeFit, prior: Prior) -> bool:

@@ -91,7 +91,7 @@ class EdgeFit:
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
     run along it. exponent: by which intensities follow power, of a clean edge that is fitted to
     them; it has no clean_shift_m. unlike_m: how far backgrounds of unlike brightness move parts of
-    a clean edge (k = 1). lost: shares, see `_lost`.
+    a clean edge (k = 1). lost: shares, see `lost_sides`.
     """
 
     centre_m: Array
@@ -202,7 +202,7 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         converged=found.converged,
         by_chamfer_m=found.by_chamfer_m,
         by_round=found.by_round,
-        lost=_lost(found.background.usable, problem.outline),
+        lost=lost_sides(found.background.usable, problem.outline),
     )
 
 
@@ -336,7 +336,7 @@ def _without(
     return held @ state, covariance, held @ by_plane
 
 
-def _lost(usable: Mask, outline: Outline) -> tuple[float, float]:
+def lost_sides(usable: Mask, outline: Outline) -> tuple[float, float]:
     """Return the share of its sectors that the worst side across u has lost, and across v.
 
     usable: (K,) sectors of the outline. Others have no background, or points that contradict it:
