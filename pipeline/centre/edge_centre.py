@@ -193,8 +193,9 @@ def _by_edge(
     if outline.shows_rotation:
         face, near, edge_fit = _uncut(view, outline, start, (face, near), edge_fit, known or aim)
     if edge_fit is not None and isinstance(outline, Polygon):
-        other = partial(_resized, view, start=start, near=near, begin=known or aim)
-        _check_sides(edge_fit, outline, other)
+        other = _resized if edge_fit.clean_shift_m is None else _by_mixed_pixels
+        fit = partial(other, view, start=start, near=near, begin=known or aim)
+        _check_sides(edge_fit, outline, fit)
     if edge_fit is not None and _is_sure(edge_fit):
         _check_size(edge_fit, outline, config.spot_radius_m)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
@@ -334,6 +335,8 @@ def _check_sides(
     """
     axis = int(np.argmax(edge_fit.lost))
     if edge_fit.lost[axis] < LOST_SIDE or min(edge_fit.lost) > FOUND_SIDE:
+        return
+    if edge_fit.covered + MORE_COVERED >= 1.0:  # no other can cover so much more
         return
     for by_m in OTHER_HALF_M:
         other = fit(outline.resized(np.where(np.arange(2) == axis, by_m, 0.0)))
