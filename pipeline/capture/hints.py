@@ -115,7 +115,9 @@ def hints_of(
     whole = scans[0].role == "vehicle"
     names = (*REFERENCE_WHEELS, "vehicle") if whole else tuple(scan.name for scan in scans)
     for name, hint in merged.items():
-        _check(name, hint, names, f"{where}: hint {name!r}", whole=whole)
+        typed = name in given and name not in declared
+        at = f"--hint {name}" if typed else f"{where}: hint {name!r}"
+        _check(name, hint, names, at, whole=whole)
     wheels = [wheel for wheel in REFERENCE_WHEELS if wheel in merged]
     if whole and 0 < len(wheels) < len(REFERENCE_WHEELS):
         missing = ", ".join(wheel for wheel in REFERENCE_WHEELS if wheel not in merged)

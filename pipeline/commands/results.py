@@ -276,8 +276,7 @@ def results(
         ranges=tuple(_range(*span) for span in spans),
         removed=gone,
         vertical=vertical,
-        **_bound("since", since),
-        **_bound("until", until),
+        **_period(since, until),
     )
     query = Query(which, quantities or None, View(angles=angles, digits=digits), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
@@ -577,6 +576,16 @@ def _warn_undated(catalogue: Catalogue, which: Filter) -> None:
         )
         advice = "give it in capture.toml, or by batch --date-in-name"
         click.echo(f"{captures_are} left out: {advice}", err=True)
+
+
+def _period(since: str | None, until: str | None) -> dict[str, Any]:
+    """Return what a filter holds of both. Raises InputError where the first is after the last."""
+    period = _bound("since", since) | _bound("until", until)
+    for of in ("date", "day"):
+        first, last = (period.get(f"{end}_{of}") for end in ("since", "until"))
+        if first is not None and last is not None and first > last:
+            raise InputError(f"--since {since}: is after --until {until}: exchange the two")
+    return period
 
 
 def _bound(end: str, text: str | None) -> dict[str, Any]:

@@ -471,7 +471,7 @@ def test_two_runs_write_the_same_bytes(doubled, tmp_path):
     [
         ("FL", "write NAME=X,Y,Z"),
         ("FL=1,2", "three numbers X,Y,Z are needed"),
-        ("XX=1,2,3", "there is no such scan"),
+        ("XX=1,2,3", "wheelplane: --hint XX: there is no such scan: name one of RR"),
     ],
 )
 def test_a_wrong_option_is_one_line(plain, hint, message):
