@@ -138,12 +138,10 @@ class SquareFile(TargetFile):
 
     @model_validator(mode="after")
     def _fits(self) -> SquareFile:
-        if self.chamfer or self.edge_radius:
-            name = "chamfer" if self.chamfer else "edge_radius"
-            raise ValueError(f"{name}: not of squares; use a disc, a ring or a rectangle")
-        if self.hole_spacing + self.hole_diameter >= self.side:
+        edge = self.chamfer or self.edge_radius or 0.0
+        if self.hole_spacing + self.hole_diameter + 4.0 * edge >= self.side:
             raise ValueError("the holes reach beyond the side; reduce hole_spacing")
-        if self.hole_spacing < self.hole_diameter + 0.005:
+        if self.hole_spacing < self.hole_diameter + 2.0 * edge + 0.005:
             raise ValueError("the holes touch each other; increase hole_spacing")
         return self
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -48,9 +49,11 @@ class Solid:
         return replace(self, material=material)
 
     def placed(self, T_to_from: Array) -> Solid:
-        """Return the solid in other coordinates, T_to_from (4, 4)."""
+        """Return the solid in other coordinates, T_to_from (4, 4), which may mirror it."""
         moved = self.vertices_m @ T_to_from[:3, :3].T + T_to_from[:3, 3]
-        return replace(self, vertices_m=moved)
+        mirrored = np.linalg.det(T_to_from[:3, :3]) < 0.0
+        faces = self.faces[:, ::-1] if mirrored else self.faces  # seen from outside as before
+        return replace(self, vertices_m=moved, faces=faces)
 
 
 def revolved(profile: Sequence[tuple[float, float]], sections: int, reflectance: float) -> Solid:
@@ -136,35 +139,49 @@ def punched(
     middle_m: float,
     radius_m: float,
     depth_m: float,
+    edge_m: Array,
     sections: int,
     reflectance: float,
 ) -> Solid:
     """Build a panel from the origin to (side, side), top on z = 0, with a round hole through it.
 
     The hole's centre is (middle, middle); hole and outer sides have walls `depth_m` deep, the
-    sides through the origin have none.
+    sides through the origin have none. edge_m: profile of the top's edges, about the hole and along
+    the outer sides, from the walls to the top: distance from the wall, and z (K, 2).
     """
     from trimesh import Trimesh
 
-    corners = np.arctan2(*(np.array([[0, 0, 1, 1], [0, 1, 1, 0]]) * side_m - middle_m))
+    levels = [(0.0, -depth_m), *edge_m.tolist()]
+    ends_m = side_m - np.unique([levels[0][0], levels[-1][0]])
+    corners = [
+        np.arctan2(*(np.array([[0, 0, 1, 1], [0, 1, 1, 0]]) * end - middle_m)) for end in ends_m
+    ]
     turns = 2 * np.pi * np.arange(sections) / sections
-    turn = np.union1d(np.arctan2(np.sin(turns), np.cos(turns)), corners)
+    turn = np.union1d(np.arctan2(np.sin(turns), np.cos(turns)), np.concatenate(corners))
     turn = np.append(turn, turn[0])
     way = np.column_stack([np.cos(turn), np.sin(turn)])
-    free = np.where(way > 0, side_m - middle_m, middle_m) / np.maximum(np.abs(way), 1e-12)
-    hole = middle_m + radius_m * way
-    outer = middle_m + way * np.min(free, axis=1)[:, None]
-    rings = [_at(outer, -depth_m), _at(hole, -depth_m), _at(hole, 0.0), _at(outer, 0.0)]
+
+    def outer(x_m: float, z_m: float) -> Array:
+        """Return where the rays from the hole's centre leave the panel, x inside its sides."""
+        sides_m = np.where(way > 0, side_m - x_m - middle_m, middle_m)
+        free_m = np.min(sides_m / np.maximum(np.abs(way), 1e-12), axis=1)
+        return _at(middle_m + way * free_m[:, None], z_m)
+
+    rims = [_at(middle_m + (radius_m + x) * way, z) for x, z in levels]
+    rings = [outer(*levels[0]), *rims, outer(*levels[-1])]
     n = len(turn)
-    start = np.concatenate([k * n + np.arange(n - 1) for k in range(3)])
+    start = np.concatenate([k * n + np.arange(n - 1) for k in range(len(rings) - 1)])
     faces = np.vstack(
-        [np.column_stack([start, start + 1, start + n]),
-         np.column_stack([start + 1, start + n + 1, start + n])]
+        [np.column_stack([start, start + n, start + 1]),
+         np.column_stack([start + 1, start + n, start + n + 1])]
     )  # fmt: skip
     panel = _solid(Trimesh(np.vstack(rings), faces, process=False), reflectance)
-    edge = np.array([[side_m, 0.0], [side_m, side_m], [0.0, side_m]])
-    wall = ruled(_at(edge, 0.0), _at(edge, -depth_m), reflectance)
-    whole, _ = joined([panel, wall])
+    sides = [
+        _at(np.array([[side_m - x, 0.0], [side_m - x, side_m - x], [0.0, side_m - x]]), z)
+        for x, z in levels
+    ]
+    walls = [ruled(lower, upper, reflectance) for lower, upper in pairwise(sides)]
+    whole, _ = joined([panel, *walls])
     return replace(whole, reflectance=reflectance)
 
 

@@ -109,7 +109,7 @@ def _body(target: TargetFile) -> Solid:
         case RingFile():
             return _round(target.diameter / 2, target.thickness, edge, target.hole_diameter / 2)
         case SquareFile():
-            return _square(target)
+            return _square(target, edge)
         case RectangleFile():
             return _rectangle(target.width, target.height, target.thickness, edge)
         case PatternFile() if target.width is not None and target.height is not None:
@@ -148,12 +148,11 @@ def _rectangle(width: float, height: float, thickness: float, edge: Array) -> So
     return box((*-half, -thickness), (*half, 0.0), REFLECTANCE)
 
 
-def _square(target: SquareFile) -> Solid:
+def _square(target: SquareFile, edge: Array) -> Solid:
     """Build four mirrored quarters, each with its hole, whose edges coincide point by point."""
     half, middle = target.side / 2, target.hole_spacing / 2
-    quarter = punched(
-        half, middle, target.hole_diameter / 2, target.thickness, SECTIONS // 4, REFLECTANCE
-    )
+    hole = target.hole_diameter / 2
+    quarter = punched(half, middle, hole, target.thickness, edge, SECTIONS // 4, REFLECTANCE)
     mirrors = [np.diag([u, v, 1.0, 1.0]) for u in (1.0, -1.0) for v in (1.0, -1.0)]
     whole, _ = joined([quarter.placed(mirror) for mirror in mirrors])
     return replace(whole, reflectance=REFLECTANCE)

@@ -245,7 +245,7 @@ def made_targets(folder: Path, target: str, case: Case, seed: int) -> dict[str, 
     """Write the files of the four plates of one drawing as they were made: their sizes to SIZE_M.
 
     Their edges have the chamfer of the case, or are drawn: half of the sets have chamfers, half are
-    rounded; those of squares are sharp.
+    rounded.
     """
     rng = np.random.default_rng(seed)
     drawing, files = tomllib.loads(_shipped(target)), {}
@@ -260,7 +260,7 @@ def made_targets(folder: Path, target: str, case: Case, seed: int) -> dict[str, 
         plate["thickness"] *= 1.0 + THICKNESS * float(by_thickness)
         if case.chamfer_m is not None:
             plate["chamfer"] = case.chamfer_m
-        elif plate["shape"] != "square":
+        else:
             plate["edge_radius" if is_round else "chamfer"] = float(own_m)
         plate["flatness"] = case.flatness_m or None
         files[wheel] = _target_file(folder / f"target-{wheel}.toml", plate)
