@@ -99,8 +99,13 @@ def reconciled(
     return [replace(e, model_m2=e.model_m2 + variance_m2 * np.eye(2)) for e in estimates]
 
 
-def combined(estimates: Sequence[CentreEstimate]) -> CentreEstimate:
-    """Return the mean weighted by inverse covariances: W_i = (sum C^-1)^-1 C_i^-1."""
+def combined(
+    estimates: Sequence[CentreEstimate], common_m2: tuple[Array, Array] | None = None
+) -> CentreEstimate:
+    """Return the mean weighted by inverse covariances: W_i = (sum C^-1)^-1 C_i^-1.
+
+    common_m2: covariances (2, 2) of the second estimate with the first, of noise and of model.
+    """
     if len(estimates) == 1:
         return estimates[0]
     inverses = [np.linalg.inv(e.covariance_m2) for e in estimates]
@@ -109,12 +114,16 @@ def combined(estimates: Sequence[CentreEstimate]) -> CentreEstimate:
     parts = list(zip(weights, estimates, strict=True))
     noises = [w @ e.noise_m2 @ w.T for w, e in parts]
     variances = [float(np.trace(noise)) for noise in noises]
+    in_common = [np.zeros((2, 2))] * 2
+    if common_m2 is not None:
+        crossed = [weights[1] @ of_both @ weights[0].T for of_both in common_m2]
+        in_common = [one + one.T for one in crossed]
     welch = sum(s * s / e.dof for s, e in zip(variances, estimates, strict=True))
     return CentreEstimate(
         method="combined",
         centre_m=np.asarray(sum((w @ e.centre_m for w, e in parts), np.zeros(2))),
-        noise_m2=np.asarray(sum(noises, np.zeros((2, 2)))),
-        model_m2=np.asarray(sum((w @ e.model_m2 @ w.T for w, e in parts), np.zeros((2, 2)))),
+        noise_m2=np.asarray(sum(noises, in_common[0])),
+        model_m2=np.asarray(sum((w @ e.model_m2 @ w.T for w, e in parts), in_common[1])),
         by_plane=np.asarray(sum((w @ e.by_plane for w, e in parts), np.zeros((2, 3)))),
         dof=sum(variances) ** 2 / welch if welch > 0.0 else math.inf,
         rotation=combined_rotation([e.rotation for e in estimates], weights),

@@ -30,7 +30,7 @@ from .edge.fit_edge import (
     square_on,
 )
 from .edge.mixed_pixel import EITHER, TAKEN_FOR
-from .edge.solution import AS_MUCH, EdgeFit
+from .edge.solution import AS_MUCH, EdgeFit, common_m2
 from .in_plane_rotation import PlaneRotation
 from .outline_fit import (
     MIN_DIRECTIONS,
@@ -619,22 +619,38 @@ def _by_backgrounds(edge_fit: EdgeFit) -> Array:
     return np.asarray(edge_fit.unlike_m**2 * shares)
 
 
-def _by_form(edge_fit: EdgeFit) -> Array:
-    """Return the covariance (2, 2) of a centre by the form of an edge, as far as it is in doubt.
+def in_common(first: EdgeCentre, other: EdgeCentre) -> tuple[Array, Array] | None:
+    """Return the covariances (2, 2) of the centre by another edge of a plate with the first's.
+
+    Of noise, and of model; None where either is that of the outermost points.
+    """
+    if first.edge_fit is None or other.edge_fit is None:
+        return None
+    form_m2 = form_moves_m(other.edge_fit) @ form_moves_m(first.edge_fit).T
+    return common_m2(other.edge_fit, first.edge_fit), np.asarray(form_m2)
+
+
+def form_moves_m(edge_fit: EdgeFit) -> Array:
+    """Return by how far (2, 3) the form of an edge may move a centre, as far as it is in doubt.
 
     By its thickness; by its chamfer, where that is not stated, and by what a rounded edge would
     move: the fit is of one between both. Each moves the centre along one line, that of the beams.
     """
-    covariance = np.zeros((2, 2))
+    moves_m = np.zeros((2, 3))
     if edge_fit.by_thickness_m is not None:
-        by_m = BY_THICKNESS * edge_fit.by_thickness_m
-        covariance += np.outer(by_m, by_m)
+        moves_m[:, 0] = BY_THICKNESS * edge_fit.by_thickness_m
     if edge_fit.by_chamfer_m is not None:
-        covariance += np.outer(edge_fit.by_chamfer_m, edge_fit.by_chamfer_m)
+        moves_m[:, 1] = edge_fit.by_chamfer_m
     if edge_fit.by_round is not None:
         width_m = math.hypot(edge_fit.chamfer_m, edge_fit.chamfer_u_m)
-        covariance += (EITHER * width_m) ** 2 * np.outer(edge_fit.by_round, edge_fit.by_round)
-    return covariance
+        moves_m[:, 2] = EITHER * width_m * edge_fit.by_round
+    return moves_m
+
+
+def _by_form(edge_fit: EdgeFit) -> Array:
+    """Return the covariance (2, 2) of a centre by the form of an edge."""
+    moves_m = form_moves_m(edge_fit)
+    return np.asarray(moves_m @ moves_m.T)
 
 
 def _by_footprint(edge_fit: EdgeFit, apart_m: Array) -> Array:

@@ -15,7 +15,7 @@ from ..uncertainty import UncertaintyComponent, centre_component, plane_componen
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod, check_agreement, combined, reconciled
 from .edge.solution import EdgeFit
-from .edge_centre import EdgeCentre, centre_by_edge, centre_by_holes
+from .edge_centre import EdgeCentre, centre_by_edge, centre_by_holes, in_common
 from .in_plane_rotation import InPlaneRotation, PlaneRotation
 from .target_view import TargetView
 
@@ -142,7 +142,8 @@ def locate_centre(view: TargetView) -> TargetFit:
         estimates.append(_by_pattern(printed, target, outer.edge_fit))
     by_plane = _at(view.plane, view.to_scanner(outer.estimate.centre_m))
     check_agreement(estimates, by_plane)
-    fitted = _fit(view, combined(reconciled(estimates, by_plane)), outer.edge_fit)
+    common = in_common(outer, inner) if inner else None
+    fitted = _fit(view, combined(reconciled(estimates, by_plane), common), outer.edge_fit)
     missed = isinstance(target, PatternTarget) and printed is None
     blind = view.patch.face_intensity is None
     others = (

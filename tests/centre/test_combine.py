@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from wheelplane.centre.combine import (
     combined,
     reconciled,
 )
+from wheelplane.centre.edge.solution import INHERITED, common_m2
 from wheelplane.errors import NotMeasuredError
 
 NO_PLANE = np.zeros((3, 3))
@@ -82,6 +84,43 @@ def test_equal_parts_halve_the_variance_and_add_their_degrees_of_freedom():
     assert combined([part]) is part
     endless = replace(part, dof=math.inf)
     assert combined([endless, endless]).dof == math.inf
+
+
+def test_what_two_estimates_have_in_common_stays_in_their_mean():
+    """Half of the variance of each is one error of both: the mean keeps it."""
+    part = estimate(np.random.default_rng(9))
+    two = combined([part, part], (0.5 * part.noise_m2, 0.5 * part.model_m2))
+    np.testing.assert_allclose(two.noise_m2, 0.75 * part.noise_m2, rtol=1e-9)
+    np.testing.assert_allclose(two.model_m2, 0.75 * part.model_m2, rtol=1e-9)
+    np.testing.assert_allclose(two.centre_m, part.centre_m, rtol=1e-9)
+
+
+def test_an_edge_that_begins_with_what_another_shows_shares_its_errors():
+    """Both fits by plain least squares, 4,000 times: their centres vary together as stated."""
+    rng, of_plate, draws = np.random.default_rng(10), len(INHERITED), 4000
+    shown = np.zeros((14, 14))
+    plate = [0, 1, *INHERITED]
+    first_rows, other_rows = rng.normal(size=(2, 20, 2 + of_plate))
+    known = np.full(14, 1e-9)
+    known[list(INHERITED)] = 30.0
+    covariance = []
+    for rows, before in ((first_rows, 0.0), (other_rows, 30.0)):
+        prior = np.diag([0.0, 0.0, *np.full(of_plate, before)])
+        found = shown.copy()
+        found[np.ix_(plate, plate)] = np.linalg.inv(rows.T @ rows + prior)
+        covariance.append(found)
+    first = SimpleNamespace(covariance=covariance[0])
+    other = SimpleNamespace(covariance=covariance[1], known=known)
+    noise = rng.normal(size=(2, draws, 20))
+    of_first = noise[0] @ first_rows @ covariance[0][np.ix_(plate, plate)]
+    pulls = noise[1] @ other_rows
+    pulls[:, 2:] += 30.0 * of_first[:, 2:]
+    of_other = pulls @ covariance[1][np.ix_(plate, plate)]
+    seen = of_other[:, :2].T @ of_first[:, :2] / draws
+    stated = common_m2(other, first)
+    scale = np.sqrt(np.outer(np.var(of_other[:, :2], axis=0), np.var(of_first[:, :2], axis=0)))
+    assert np.abs((seen - stated) / scale).max() < 3.5 / np.sqrt(draws)
+    assert np.abs(stated / scale).max() > 0.1
 
 
 @pytest.mark.parametrize("dof", [8.0, 30.0])

@@ -421,6 +421,7 @@ def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_
 
     monkeypatch.setattr(mixed_fit, "_best", best)
     monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "_with_curves", lambda fitted, *_: fitted)
     monkeypatch.setattr(mixed_fit, "pointing_m", lambda problem, *_: problem.pointing_m)
     monkeypatch.setattr(mixed_fit, "_is_strange", lambda *args: strange)
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 0.0)

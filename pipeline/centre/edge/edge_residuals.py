@@ -21,6 +21,7 @@ from .beams import (
     RATIO,
     SHAPE,
     SIZE_M,
+    SPOT,
     THICKNESS,
     WALL,
     Background,
@@ -34,7 +35,7 @@ from .beams import (
     look_up,
     wall_reflectance,
 )
-from .mixed_pixel import EdgeProfile, edge_profile, rounded
+from .mixed_pixel import END, EdgeProfile, edge_profile, rounded
 
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
 # Standard uncertainty of x by beam pointing and scan grid, at most, and at least. Number of those
@@ -42,6 +43,9 @@ INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profi
 POINTING_M, LEAST_POINTING_M = 1.5e-4, 7e-5
 POINTINGS, POINTED_TIMES, POINTED, LEAST_POINTED, OUTLYING = 12, 3, 0.5, 100, 16.0
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
+# Of its depth: by how much a background may curve behind the edge (k = 1), and from how far beyond
+# the footprint on it is as it was looked up; what keeps zones without points from division by 0.
+CURVED, CURVED_M, TINY = 0.1, 0.001, 1e-300
 SECTORS = 24  # of the outline, taken as independent of each other
 ZONES = 48  # of the outline, each with a reflectance of its background; within one sector each
 # Longest step of each parameter.
@@ -72,7 +76,8 @@ class EdgeProblem:
     NaN where unknown, or None: of points on the target, and of all. gamma: power of the light with
     which the background's reflectance goes. roundness: of the target's edge, 0 of a chamfer, 1 of a
     radius, see `rounded`. pointing_m: standard uncertainty of where beams meet the plane. left_out:
-    (UNEVEN_SECTORS,) sectors of the outline that are not used.
+    (UNEVEN_SECTORS,) sectors of the outline that are not used. curved: whether its background may
+    curve behind the edge.
     """
 
     plane: Array
@@ -88,6 +93,7 @@ class EdgeProblem:
     roundness: float = 0.0
     pointing_m: float = POINTING_M
     left_out: Mask = field(default_factory=lambda: np.zeros(UNEVEN_SECTORS, bool))
+    curved: bool = False
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
@@ -316,18 +322,60 @@ def equations(
         profile = replace(profile, d_chamfer=0.0)
     residual = z - profile.depth_m
     weight, change = robust_weight(residual**2 / variance, converged)
+    slopes = profile_slopes(profile, beams, profile.depth_m if consistent else z, state)
+    by_height = 1.0 - profile.by_background - profile.d_x * beams.tau * beams.shrink
+    if problem.curved:
+        curve = _curve(beams, background, profile, state)
+        zone = sector(beams.share, ZONES)
+        beside = residual - curve * _curved(curve, weight / variance, zone, residual)[zone]
+        weight, change = robust_weight(beside**2 / variance, converged)
+        rows = np.vstack([residual, by_height, slopes.T])
+        residual, by_height, *left = _without_curve(curve, weight / variance, zone, rows)
+        slopes = np.stack(left).T
     return Equations(
         q_m=beams.q_m,
         share=beams.share,
         residual_m=residual,
-        slopes=profile_slopes(profile, beams, profile.depth_m if consistent else z, state),
+        slopes=slopes,
         weight=weight / variance,
         change=change / variance,
-        by_height=1.0 - profile.by_background - profile.d_x * beams.tau * beams.shrink,
+        by_height=by_height,
         zones=zones,
         depths=len(residual),
         rows=background.rows,
     )
+
+
+def _curve(beams: Beams, background: Background, profile: EdgeProfile, state: Array) -> Array:
+    """Return how depths (N,) grow with a curve of the background, over its depth.
+
+    It is looked up beyond the footprint. Nearer, behind the edge itself, it may curve away from
+    that line, as a rim does: by all of the curve where beams meet the target, by none of it from
+    CURVED_M beyond a Gaussian footprint on.
+    """
+    reach_m = CURVED_M + END * float(np.exp(state[SPOT]))
+    near = np.clip(1.0 - beams.x_m.clip(min=0.0) / reach_m, 0.0, 1.0) ** 2
+    return np.asarray(profile.by_background * background.at(background.part, beams.x_m)[0] * near)
+
+
+def _curved(curve: Array, weight: Array, zone: Rows, residual: Array) -> Array:
+    """Return the curve (ZONES,) of each zone that residuals (N,) ask for, known to CURVED."""
+    asked = np.bincount(zone, weight * curve * residual, ZONES)
+    return np.asarray(asked / (np.bincount(zone, weight * curve**2, ZONES) + CURVED**-2))
+
+
+def _without_curve(curve: Array, weight: Array, zone: Rows, rows: Array) -> Array:
+    """Return rows (K, N) of equations without what unknown curves of the zones would explain.
+
+    So that the squares of these rows, weighted (N,), are those of all by the inverse covariance of
+    residuals that noise and the zones' curves c make: V = W^-1 + s^2 c c', V^-1 = W - W c c' W g,
+    g = 1 / (c' W c + 1 / s^2). With y - a c c' W y for each row y: 2 a - a^2 c' W c = g.
+    """
+    by = weight * curve
+    own = np.bincount(zone, by * curve, ZONES)
+    share = (1.0 - 1.0 / np.sqrt(1.0 + CURVED**2 * own)) / np.maximum(own, TINY)
+    taken = curve * share[zone]
+    return np.stack([row - taken * np.bincount(zone, by * row, ZONES)[zone] for row in rows])
 
 
 def _compared(problem: EdgeProblem, background: Background, state: Array) -> tuple[Beams, Array]:

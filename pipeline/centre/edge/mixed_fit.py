@@ -108,13 +108,61 @@ LEAST_SHOWN = 0.01  # of the variance of a prior, that the data show
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
 
+# What follows from a fit with curves, of an EdgeFit: not the footprint, which stands for some of
+# what is left out.
+BY_CURVES = (
+    "centre_m",
+    "rotation_rad",
+    "covariance_m2",
+    "by_plane",
+    "dof",
+    "beam",
+    "inverse_distance",
+    "reflectance_ratio",
+    "wall",
+    "spot_shape",
+    "chamfer_m",
+    "chamfer_u_m",
+    "rotation_noise",
+    "rotation_by_plane",
+    "covariance",
+    "known",
+)
+
+
 def fit_mixed(
     problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
 ) -> EdgeFit | None:
-    """Fit an edge to its mixed pixels; None where a quarter of it has no background.
+    """Fit an edge to its mixed pixels; None where a quarter of it has no background."""
+    straight = _fit_straight(problem, state, thickness_m, config)
+    return None if straight is None else _with_curves(*straight, config.max_iterations)
 
-    Without the stated thickness where the data pull it or the size, another one explains as much,
-    and the data contradict the stated one then.
+
+def _with_curves(fitted: EdgeFit, problem: EdgeProblem, found: Solution, most: int) -> EdgeFit:
+    """Return the fit with a background that may curve behind the edge, from a straight one.
+
+    Its size, what is left out and what is in doubt stay as they are: curves all round would explain
+    a wrong size. As it is where the size is in doubt, or the fit goes astray.
+    """
+    if problem.few or not fitted.converged or _is_steep(found.state):
+        return fitted
+    if _may_be_of_another_size(problem, found):
+        return fitted
+    problem = replace(problem.about(found.state), curved=True)
+    curved = _converge(problem, found.state, found.zones, most, True, found.background)
+    if not curved.converged or _is_astray(curved.state, found.state):
+        return fitted
+    shown = as_stretched(record(curved, problem, found.covered), curved, problem)
+    return replace(fitted, **{name: getattr(shown, name) for name in BY_CURVES})
+
+
+def _fit_straight(
+    problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
+) -> tuple[EdgeFit, EdgeProblem, Solution] | None:
+    """Fit an edge before a background that goes on as it was looked up, as `fit_mixed`.
+
+    With its problem and its solution. Without the stated thickness where the data pull it or the
+    size, another one explains as much, and the data contradict the stated one then.
     """
     most = config.max_iterations
     steep = _is_steep(state)
@@ -134,12 +182,12 @@ def fit_mixed(
         return None
     stretched = as_stretched(fitted, found, problem)
     if thickness_m is None:
-        return stretched
+        return stretched, problem, found
     pull = _pulls(fitted, problem.prior)[EDGE.index(THICKNESS)]
     fitted, stretched = (replace(one, thickness_pull=pull) for one in (fitted, stretched))
     tension = _tension(fitted, problem.prior)
     if not problem.few and (tension < TENSE or _is_wider(stretched, problem.prior)):
-        return stretched
+        return stretched, problem, found
     doubted = replace(plain, prior=plain.prior.doubted())
     if problem.few:
         other = _again(doubted, found, most)
@@ -150,11 +198,11 @@ def fit_mixed(
             other = _as_if_sharp(doubted, _again(doubted, found, most))
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
-        return stretched
+        return stretched, problem, found
     chosen = _by_thickness(fitted, free, thickness_m, worse)
     if chosen.by_thickness_m is None:
-        return as_stretched(chosen, other, doubted)
-    return replace(stretched, by_thickness_m=chosen.by_thickness_m)
+        return as_stretched(chosen, other, doubted), doubted, other
+    return replace(stretched, by_thickness_m=chosen.by_thickness_m), problem, found
 
 
 def lost_at_first(problem: EdgeProblem, state: Array, most: int) -> tuple[float, float]:

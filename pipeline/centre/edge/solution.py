@@ -50,6 +50,8 @@ AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave;
 OUTLIER = 4.0  # square of an outlier, over its variance
 MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
 SOME_POINTS = 600  # of those compared, that show how a round moves an edge
+# What another edge of a plate takes over from the first: beams, footprint and plate.
+INHERITED = (2, 3, INVERSE, SPOT, THICKNESS, RATIO, WALL, SHAPE, CHAMFER, MODULATION)
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
 FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
@@ -122,6 +124,8 @@ class EdgeFit:
     rotation_noise: Array
     rotation_by_plane: Array
     thickness_u: float
+    covariance: Array
+    known: Array
     stated_thickness_m: float | None = None
     by_thickness_m: Array | None = None
     thickness_pull: float | None = None
@@ -204,6 +208,17 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         by_round=found.by_round,
         lost=lost_sides(found.background.usable, problem.outline),
     )
+
+
+def common_m2(fitted: EdgeFit, first: EdgeFit) -> Array:
+    """Return the covariance (2, 2) of a centre with that by the plate's first edge.
+
+    What the first one shows of beams and plate is the prior of the other: its errors there move the
+    other's estimate by the covariance of this times the weight of the prior.
+    """
+    inherited = np.array(INHERITED)
+    follows = fitted.covariance[CENTRE, inherited] * fitted.known[inherited]
+    return np.asarray(follows @ first.covariance[inherited, CENTRE])
 
 
 def unseen_chamfer_m(linear: Equations, prior: Prior) -> Array:
@@ -306,6 +321,8 @@ def _estimates(
         "rotation_noise": covariance[ROTATION, [0, 1, ROTATION]],
         "rotation_by_plane": by_plane[ROTATION],
         "thickness_u": float(u[THICKNESS]),
+        "covariance": covariance[:STATE, :STATE],
+        "known": prior.weight[:STATE],
     }
     if len(state) > STRETCH:
         known |= {"stretch_m": float(state[STRETCH]), "stretch_u_m": float(u[STRETCH])}
