@@ -104,7 +104,8 @@ def combined(
 ) -> CentreEstimate:
     """Return the mean weighted by inverse covariances: W_i = (sum C^-1)^-1 C_i^-1.
 
-    common_m2: covariances (2, 2) of the second estimate with the first, of noise and of model.
+    common_m2: covariances (2, 2) of the second estimate with the first, of noise and of model: by
+    what they share, the mean is less certain; where their errors oppose each other, as without.
     """
     if len(estimates) == 1:
         return estimates[0]
@@ -117,7 +118,7 @@ def combined(
     in_common = [np.zeros((2, 2))] * 2
     if common_m2 is not None:
         crossed = [weights[1] @ of_both @ weights[0].T for of_both in common_m2]
-        in_common = [one + one.T for one in crossed]
+        in_common = [_positive(one + one.T) for one in crossed]
     welch = sum(s * s / e.dof for s, e in zip(variances, estimates, strict=True))
     return CentreEstimate(
         method="combined",
@@ -128,3 +129,9 @@ def combined(
         dof=sum(variances) ** 2 / welch if welch > 0.0 else math.inf,
         rotation=combined_rotation([e.rotation for e in estimates], weights),
     )
+
+
+def _positive(covariance_m2: Array) -> Array:
+    """Return a symmetric matrix (2, 2) without what it takes away along its axes."""
+    values, axes = np.linalg.eigh(covariance_m2)
+    return np.asarray(axes * np.maximum(values, 0.0) @ axes.T)

@@ -95,6 +95,13 @@ def test_what_two_estimates_have_in_common_stays_in_their_mean():
     np.testing.assert_allclose(two.centre_m, part.centre_m, rtol=1e-9)
 
 
+def test_errors_that_oppose_each_other_make_no_mean_more_certain():
+    part = estimate(np.random.default_rng(11))
+    opposed = (-0.9 * part.noise_m2, -0.9 * part.model_m2)
+    two = combined([part, part], opposed)
+    np.testing.assert_allclose(two.noise_m2, combined([part, part]).noise_m2, rtol=1e-9)
+
+
 def test_an_edge_that_begins_with_what_another_shows_shares_its_errors():
     """Both fits by plain least squares, 4,000 times: their centres vary together as stated."""
     rng, of_plate, draws = np.random.default_rng(10), len(INHERITED), 4000
