@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from ...config import CentreConfig
+from ...targets import sector
 from ...vectors import Array
 from .beams import (
     BEAM,
@@ -208,7 +209,9 @@ def _fit_straight(
 def lost_at_first(problem: EdgeProblem, state: Array, most: int) -> tuple[float, float]:
     """Return the shares of sides without a background by a first solution, see `lost_sides`."""
     found = _by_backgrounds(problem, state, most)
-    return lost_sides(found.background.usable & ~found.equations.uneven(), problem.outline)
+    usable, uneven = found.background.usable, found.equations.uneven()
+    middle = (np.arange(len(usable)) + 0.5) / len(usable)
+    return lost_sides(usable & ~uneven[sector(middle, UNEVEN_SECTORS)], problem.outline)
 
 
 def _is_wider(fitted: EdgeFit, prior: Prior) -> bool:
