@@ -317,7 +317,7 @@ def test_one_dimension_3_mm_wrong_is_refused_or_harmless(width_mm, height_mm, se
 
 @pytest.mark.parametrize("width_mm", [3, -3])
 def test_no_other_size_than_the_true_one_is_fitted_to_its_end(width_mm, monkeypatch):
-    """Of the others, a first fit already has sides without a background: four times as fast."""
+    """A first fit of the others already has sides without a background: four times as fast."""
     half_m, whole = (0.18 + width_mm / 2e3, 0.12), edge_centre._by_mixed_pixels
     fitted_m = []
 

@@ -131,9 +131,7 @@ class EdgeProblem:
         Its sectors may be wider than those that are left out: one is not used whose middle is.
         """
         found = look_up(self.beams(state), self.depth, state, self.light)
-        middle = (np.arange(len(found.usable)) + 0.5) / len(found.usable)
-        left_out = self.left_out[sector(middle, UNEVEN_SECTORS)]
-        return self.compared(replace(found, usable=found.usable & ~left_out), state)
+        return self.compared(replace(found, usable=without(found.usable, self.left_out)), state)
 
     def compared(self, background: Background, state: Array) -> Background:
         """Return a background with the points that are compared with it at a state.
@@ -158,6 +156,15 @@ class EdgeProblem:
             self._kept.clear()
             self._kept[key] = carry(self.plane, self.depth, state, self.outline)
         return self._kept[key]
+
+
+def without(usable: Mask, left_out: Mask) -> Mask:
+    """Return the sectors (K,) that are usable, without those whose middle is left out.
+
+    left_out: (UNEVEN_SECTORS,), of which coarse backgrounds have fewer.
+    """
+    middle = (np.arange(len(usable)) + 0.5) / len(usable)
+    return np.asarray(usable & ~left_out[sector(middle, UNEVEN_SECTORS)])
 
 
 @frozen(eq=False)
@@ -330,8 +337,8 @@ def equations(
         beside = residual - curve * _curved(curve, weight / variance, zone, residual)[zone]
         weight, change = robust_weight(beside**2 / variance, converged)
         rows = np.vstack([residual, by_height, slopes.T])
-        residual, by_height, *left = _without_curve(curve, weight / variance, zone, rows)
-        slopes = np.stack(left).T
+        left = _without_curve(curve, weight / variance, zone, rows)
+        residual, by_height, slopes = left[0], left[1], left[2:].T
     return Equations(
         q_m=beams.q_m,
         share=beams.share,

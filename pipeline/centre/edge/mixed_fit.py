@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 from ...config import CentreConfig
-from ...targets import sector
 from ...vectors import Array
 from .beams import (
     BEAM,
@@ -42,6 +41,7 @@ from .edge_residuals import (
     pointing_m,
     power_of_light,
     step,
+    without,
     zone_scatter,
 )
 from .few_points import likeliest
@@ -209,9 +209,8 @@ def _fit_straight(
 def lost_at_first(problem: EdgeProblem, state: Array, most: int) -> tuple[float, float]:
     """Return the shares of sides without a background by a first solution, see `lost_sides`."""
     found = _by_backgrounds(problem, state, most)
-    usable, uneven = found.background.usable, found.equations.uneven()
-    middle = (np.arange(len(usable)) + 0.5) / len(usable)
-    return lost_sides(usable & ~uneven[sector(middle, UNEVEN_SECTORS)], problem.outline)
+    usable = without(found.background.usable, found.equations.uneven())
+    return lost_sides(usable, problem.outline)
 
 
 def _is_wider(fitted: EdgeFit, prior: Prior) -> bool:
