@@ -18,12 +18,12 @@ from ..targets import Holes, Outline, Polygon, Target, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
-from .edge.beams import CENTRE, INVERSE, PARALLEL, ROTATION, SIZE_M, WRONG_SIZE, Prior
+from .edge.beams import CENTRE, INVERSE, PARALLEL, ROTATION, Prior
 from .edge.fit_edge import (
     Aim,
     Behind,
     aimed,
-    first_lost,
+    first_explained,
     fit_edge,
     fit_intensities,
     look_behind,
@@ -31,6 +31,7 @@ from .edge.fit_edge import (
 )
 from .edge.mixed_pixel import EITHER, TAKEN_FOR
 from .edge.solution import AS_MUCH, EdgeFit, common_m2
+from .edge.stated_size import check_sides, check_size, explained_m, fits_size, wider_by_ends_m
 from .in_plane_rotation import PlaneRotation
 from .outline_fit import (
     MIN_DIRECTIONS,
@@ -76,6 +77,9 @@ ROWS = 0.2
 BEYOND_SECTORS, LEAST_BEYOND = 24, 2
 BY_SPACING = 0.1  # of the spacing: how far inside the edge the outermost points may lie all round
 OFF_INVERSE = 0.45  # 1/m, from the distance that a fit begins at: one and a half of its prior
+# 1/m: of a scanner at 0.7 m, whose beams are less alike than is assumed first; what a fit leaves
+# unexplained, from which it may have been at such a distance.
+NEAR_INVERSE, MOST_UNEXPLAINED = 1.4, 0.52
 UNSETTLED = 1.5  # of what a fit leaves unexplained that did not converge: what another may leave
 MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is implausible
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
@@ -84,16 +88,9 @@ SOUGHT = 1.5  # of its size: radius about the matched template in which its poin
 # Spacing from which, and match of a partly hidden target below which, the edge's start must be
 # better than the template's position: 20 mm off half a disc of 250 mm.
 SPARSE_M, HIDDEN = 0.006, 0.9
-# Standard deviations of an edge's growth at which doubt begins; of its own u, beyond which a stated
-# size does not explain one of WRONG_SIZE: where beams are square to a target, little is shown of
-# its size. Share of that growth's movement into the centre; least share of SIZE_M that is shown.
-STRANGE_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 4.0, 0.6, 0.1
-# Share of a side without a background, from which it may lie elsewhere; up to which another size
-# shows all sides, and of the edge that it shows more; by how much half a width may be wrong.
-LOST_SIDE, FOUND_SIDE, MORE_COVERED = 0.3, 0.25, 0.05
-OTHER_HALF_M = (-1.5e-3, 1.5e-3, -3e-3, 3e-3)
-SIZE_BY_SPOT = 0.07  # of the footprint: u of a growth by what profile and brightness leave out
-SIZE_BY_SHIFT = 0.2  # of the shift of a clean edge: u of a growth by how a scanner chooses returns
+# Standard deviations of an edge's growth at which doubt begins; share of its movement into the
+# centre.
+STRANGE_SIZE, BY_GROWTH = 2.0, 0.6
 BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: largest u, where likely
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
@@ -193,11 +190,9 @@ def _by_edge(
     if outline.shows_rotation:
         face, near, edge_fit = _uncut(view, outline, start, (face, near), edge_fit, known or aim)
     if edge_fit is not None and isinstance(outline, Polygon):
-        other = _resized if edge_fit.clean_shift_m is None else _by_mixed_pixels
-        fit = partial(other, view, start=start, near=near, begin=known or aim)
-        _check_sides(edge_fit, outline, fit)
-    if edge_fit is not None and _is_sure(edge_fit):
-        _check_size(edge_fit, outline, config.spot_radius_m)
+        edge_fit = _with_right_sides(view, outline, start, near, edge_fit, known or aim)
+    if edge_fit is not None:
+        check_size(edge_fit, outline, config.spot_radius_m)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
     if edge_fit is not None and model is not None and _is_lost(edge_fit, model, outline):
         edge_fit = None
@@ -291,94 +286,6 @@ def _cut_m(near: Array, outline: Outline, fitted: OutlineFit, spacing_m: float) 
     return empty * max(-fitted.growth_m - BY_SPACING * spacing_m, 0.0)
 
 
-def _is_sure(edge_fit: EdgeFit) -> bool:
-    """Return whether a fit shows how large a target is.
-
-    A clean edge does where the stated size explains less than another.
-    """
-    shown = edge_fit.clean_shift_m is None or edge_fit.size_chance == 1.0
-    return edge_fit.converged and edge_fit.misfit < MISFIT[0] and shown
-
-
-def _check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
-    """Raise NotMeasuredError 'wrong-outline' where SIZE_M does not explain where the edge lies.
-
-    spot_m: radius of the footprint, as configured; a fit may explain a wrong size by a wider one.
-    """
-    growth_m, stretch_m = edge_fit.growth_m, edge_fit.stretch_m
-    if not _fits_size(edge_fit, spot_m):
-        side = "beyond" if growth_m > 0.0 else "inside"
-        raise NotMeasuredError(
-            "wrong-outline",
-            f"by the points about it, the target's edge lies {abs(growth_m) * 1e3:.2f} mm or more "
-            f"{side} that of {outline.description} all round: check its sizes and thickness, "
-            "and whether its face is flat",
-        )
-    if not _is_explained(edge_fit, stretch_m, edge_fit.stretch_u_m, spot_m):
-        wide, narrow = ("u", "v") if stretch_m > 0.0 else ("v", "u")
-        raise NotMeasuredError(
-            "wrong-outline",
-            f"by the points about it, the target is {abs(stretch_m) * 2e3:.2f} mm or more larger "
-            f"along {wide}, and smaller along {narrow}, than {outline.description}: check its "
-            "width and height",
-        )
-
-
-def _check_sides(
-    edge_fit: EdgeFit, outline: Polygon, fit: Callable[[Polygon], EdgeFit | None]
-) -> None:
-    """Raise NotMeasuredError 'wrong-outline' where a side is lost that another size shows.
-
-    A side that lies elsewhere contradicts its background and is left out: the centre is then by the
-    opposite one, and off by half of what the size is wrong by.
-    fit: returns the fit of another outline.
-    """
-    axis = int(np.argmax(edge_fit.lost))
-    if edge_fit.lost[axis] < LOST_SIDE or min(edge_fit.lost) > FOUND_SIDE:
-        return
-    if edge_fit.covered + MORE_COVERED >= 1.0:  # no other can cover so much more
-        return
-    for by_m in OTHER_HALF_M:
-        other = fit(outline.resized(np.where(np.arange(2) == axis, by_m, 0.0)))
-        if other is None or not other.converged or max(other.lost) > FOUND_SIDE:
-            continue
-        if other.covered > edge_fit.covered + MORE_COVERED:
-            raise NotMeasuredError(
-                "wrong-outline",
-                f"by the points about them, its edges across {'uv'[axis]} are not as far apart as "
-                f"those of {outline.description}: check its width and height",
-            )
-
-
-def _resized(
-    view: TargetView,
-    outline: Polygon,
-    start: tuple[Array, float],
-    near: Array,
-    begin: EdgeFit | Aim | None,
-) -> EdgeFit | None:
-    """Fit an outline of another size; None where sides lack a background in a first fit already.
-
-    One of a wrong size takes many steps, and leaves out more with each. As `_by_mixed_pixels`.
-    """
-    if begin is not None and max(_fit(first_lost, view, outline)(near, begin=begin)) > FOUND_SIDE:
-        return None
-    return _by_mixed_pixels(view, outline, start, near, begin)
-
-
-def _fits_size(edge_fit: EdgeFit, spot_m: float) -> bool:
-    """Return whether SIZE_M explains where the edge lies all round."""
-    return _is_explained(edge_fit, edge_fit.growth_m, edge_fit.growth_u_m, spot_m)
-
-
-def _is_explained(edge_fit: EdgeFit, growth_m: float, u_m: float, spot_m: float) -> bool:
-    """Return whether SIZE_M explains a growth, all round or along one axis, of that u."""
-    by_spot_m = SIZE_BY_SPOT * min(edge_fit.spot_m, spot_m)
-    by_shift_m = SIZE_BY_SHIFT * (edge_fit.clean_shift_m or 0.0)
-    most_m = WRONG_SIZE * _explained_m(edge_fit, u_m)
-    return abs(growth_m) <= max(most_m, SURE_SIZE * math.hypot(u_m, by_spot_m, by_shift_m))
-
-
 def _explains_more(other: EdgeFit, found: EdgeFit, spot_m: float) -> bool:
     """Return whether another fit leaves less unexplained, by the stated size or nearer to it.
 
@@ -386,25 +293,14 @@ def _explains_more(other: EdgeFit, found: EdgeFit, spot_m: float) -> bool:
     """
     if not found.converged:
         return other.converged and other.unexplained < UNSETTLED * found.unexplained
-    sized = abs(other.growth_m) < abs(found.growth_m) or _fits_size(other, spot_m)
+    sized = abs(other.growth_m) < abs(found.growth_m) or fits_size(other, spot_m)
     return other.converged and sized and AS_MUCH * other.unexplained < found.unexplained
 
 
 def _is_likely(edge_fit: EdgeFit, begin: Aim | None, spot_m: float) -> bool:
     """Return whether a fit converged, at about the stated size and the distance it began at."""
     nearer = 0.0 if begin is None else edge_fit.inverse_distance - begin.state[INVERSE]
-    return edge_fit.converged and _fits_size(edge_fit, spot_m) and abs(nearer) < OFF_INVERSE
-
-
-def _explained_m(edge_fit: EdgeFit, u_m: float) -> float:
-    """Return the standard deviation of an edge's growth, of that u, where SIZE_M holds.
-
-    A posterior mean has the variance of its prior less that of the posterior. That of a clean edge
-    has a wide prior, and the variance of its estimate besides.
-    """
-    if edge_fit.clean_shift_m is not None:
-        return math.hypot(SIZE_M, u_m)
-    return SIZE_M * math.sqrt(max(1.0 - (u_m / SIZE_M) ** 2, LEAST_SHOWN))
+    return edge_fit.converged and fits_size(edge_fit, spot_m) and abs(nearer) < OFF_INVERSE
 
 
 def _is_lost(edge_fit: EdgeFit, model_m2: float, outline: Outline) -> bool:
@@ -416,6 +312,37 @@ def _is_lost(edge_fit: EdgeFit, model_m2: float, outline: Outline) -> bool:
     if outline.shows_rotation and sure < MIN_DIRECTIONS * unsure and unsure > OUTLINE_EDGE_M**2:
         return True
     return float(np.trace(edge_fit.covariance_m2)) / 2.0 + model_m2 > LOST_M**2
+
+
+def _with_right_sides(
+    view: TargetView,
+    outline: Polygon,
+    start: tuple[Array, float],
+    near: Array,
+    edge_fit: EdgeFit,
+    begin: EdgeFit | Aim | None,
+) -> EdgeFit:
+    """Return the fit, or one that finds a side that it had lost; see `check_sides`.
+
+    near, begin: as in `_by_mixed_pixels`.
+    """
+    look, fit = None, partial(_by_mixed_pixels, view, start=start, near=near, begin=begin)
+    if begin is not None and edge_fit.clean_shift_m is None:
+        look = partial(_explained_at_first, view, near=near, begin=begin)
+    wider_m = wider_by_ends_m(near, outline, edge_fit.state, view.band_m)
+
+    def refit(other: EdgeFit) -> EdgeFit | None:
+        begun = replace(begin, state=other.state) if isinstance(begin, Aim) else other
+        return _fit(fit_edge, view, outline)(near, begin=begun)
+
+    return check_sides(edge_fit, outline, wider_m, fit, look, refit)
+
+
+def _explained_at_first(
+    view: TargetView, outline: Outline, near: Array, begin: EdgeFit | Aim
+) -> float:
+    """Return how much of an outline a first fit explains."""
+    return _fit(first_explained, view, outline)(near, begin=begin)
 
 
 def _aimed(
@@ -459,19 +386,27 @@ def _by_mixed_pixels(
     """Fit an edge to its mixed pixels; where the beams are steep, again with points farther aside.
 
     To intensities, where nothing behind the edge shows the beams' direction. Where a fit is not
-    likely, again with beams from the distance that it found: a wrong one to start from leads to
-    such solutions, too.
+    likely, again with beams from the distance that it found, and from near by: a wrong one to start
+    from leads to such solutions, too.
     near: points (N, 3 or 5) about the outline. begin: as in `fit_edge`; None: found from more.
     """
     fit = _fit(fit_edge, view, outline)
     edge_fit = None if begin is None else fit(near, begin=begin)
     if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
-        if isinstance(begin, EdgeFit) or _is_likely(edge_fit, begin, view.config.spot_radius_m):
+        spot_m = view.config.spot_radius_m
+        if isinstance(begin, EdgeFit):
             return edge_fit
-        aim = _aimed(view, near, outline, start, edge_fit.inverse_distance)
-        other = None if aim is None else fit(near, begin=aim)
-        more = other and _explains_more(other, edge_fit, view.config.spot_radius_m)
-        return other if more else edge_fit
+        inverses = [] if edge_fit.unexplained < MOST_UNEXPLAINED else [NEAR_INVERSE]
+        if not _is_likely(edge_fit, begin, spot_m):
+            inverses = [edge_fit.inverse_distance, NEAR_INVERSE]
+        for inverse in inverses:
+            aim = _aimed(view, near, outline, start, inverse)
+            other = None if aim is None else fit(near, begin=aim)
+            if other and _explains_more(other, edge_fit, spot_m):
+                edge_fit = other
+            if edge_fit.converged and fits_size(edge_fit, spot_m):
+                break
+        return edge_fit
     near = view.near(outline, start, STEEPEST, even=True)
     if not isinstance(begin, EdgeFit):
         first = replace(begin, state=edge_fit.state) if begin and edge_fit else None
@@ -568,7 +503,7 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     if edge_fit.exponent is not None:
         spread += (INTENSITY_SHARE * edge_fit.spot_m) ** 2
     grown_m = max(
-        abs(edge_fit.growth_m) - STRANGE_SIZE * _explained_m(edge_fit, edge_fit.growth_u_m), 0.0
+        abs(edge_fit.growth_m) - STRANGE_SIZE * explained_m(edge_fit, edge_fit.growth_u_m), 0.0
     )
     if edge_fit.by_size_m is not None:
         share = min(BY_SIZE**2 if grown_m == 0.0 else 1.0, edge_fit.size_chance)

@@ -40,7 +40,7 @@ from .beams import (
 from .clean_edge import target_depth_m
 from .clean_fit import by_intensity, fit_clean
 from .edge_residuals import FEW, OUTER_M, EdgeProblem
-from .mixed_fit import fit_mixed, lost_at_first
+from .mixed_fit import explained_at_first, fit_mixed
 from .mixed_pixel import EITHER
 from .solution import MISFIT, EdgeFit
 
@@ -118,7 +118,7 @@ def _mixed_share_of_few(problem: EdgeProblem, state: Array) -> float:
     return mixed_share_of_few(beams, problem.depth, background, deepest_m)
 
 
-def first_lost(
+def first_explained(
     uvw_m: Array,
     outline: Outline,
     thickness_m: float | None,
@@ -127,15 +127,15 @@ def first_lost(
     begin: Aim | EdgeFit,
     chamfer_m: float | None = None,
     roundness: float = EITHER,
-) -> tuple[float, float]:
-    """Return the shares of an outline's sides that a first fit to mixed pixels has lost.
+) -> float:
+    """Return how many of some points a rough fit to mixed pixels explains, as of an EdgeFit.
 
-    Across u and v; points as in `fit_edge`. Of few points, whose sectors no fit leaves out, 0.
+    Points as in `fit_edge`.
     """
     problem, state = _problem(
         uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m, roundness
     )
-    return (0.0, 0.0) if problem.few else lost_at_first(problem, state, config.max_iterations)
+    return explained_at_first(problem, state, config.max_iterations)
 
 
 def fit_intensities(

@@ -41,7 +41,6 @@ from .edge_residuals import (
     pointing_m,
     power_of_light,
     step,
-    without,
     zone_scatter,
 )
 from .few_points import likeliest
@@ -54,8 +53,8 @@ from .solution import (
     Solution,
     as_stretched,
     by_round,
+    explained,
     explains_less,
-    lost_sides,
     record,
     settled,
     unexplained,
@@ -79,6 +78,7 @@ FAR_M = 5e-5  # step of the growth, after which other points lie near the edge
 NEAR_MODULATION = 1.0  # of the modulation, 1/m^2, that ends a fit
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
 ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
+LOOKED_POINTS = 5000  # inside and outside, that tell sizes apart
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
@@ -206,11 +206,10 @@ def _fit_straight(
     return replace(stretched, by_thickness_m=chosen.by_thickness_m), problem, found
 
 
-def lost_at_first(problem: EdgeProblem, state: Array, most: int) -> tuple[float, float]:
-    """Return the shares of sides without a background by a first solution, see `lost_sides`."""
-    found = _by_backgrounds(problem, state, most)
-    usable = without(found.background.usable, found.equations.uneven())
-    return lost_sides(usable, problem.outline)
+def explained_at_first(problem: EdgeProblem, state: Array, most: int) -> float:
+    """Return how many of LOOKED_POINTS a rough fit explains, see `explained`."""
+    some = problem.of_some(LOOKED_POINTS)
+    return explained(_converge(some, state, Zones.alike(), most, consistent=False))
 
 
 def _is_wider(fitted: EdgeFit, prior: Prior) -> bool:

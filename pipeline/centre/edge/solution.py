@@ -147,6 +147,11 @@ class EdgeFit:
         return self.clean_shift_m is not None or self.exponent is not None
 
     @property
+    def explained(self) -> float:
+        """How many of its points it explains: the sum of 1 less these squares, as `unexplained`."""
+        return self.points * (1.0 - self.unexplained)
+
+    @property
     def state(self) -> Array:
         """State (14,), see beams.py."""
         logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
@@ -398,6 +403,11 @@ def unexplained(found: Solution) -> float:
     """
     left = _squares(found.equations)
     return float(np.mean(left)) if len(left) > 0 else OUTLIER
+
+
+def explained(found: Solution) -> float:
+    """Return how many points a solution explains: the sum of 1 less these squares."""
+    return len(found.equations.residual_m) * (1.0 - unexplained(found))
 
 
 def unexplained_by_sector(found: Solution, count: int) -> Array:
