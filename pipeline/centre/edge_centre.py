@@ -78,8 +78,8 @@ BEYOND_SECTORS, LEAST_BEYOND = 24, 2
 BY_SPACING = 0.1  # of the spacing: how far inside the edge the outermost points may lie all round
 OFF_INVERSE = 0.45  # 1/m, from the distance that a fit begins at: one and a half of its prior
 # 1/m: of a scanner at 0.7 m, whose beams are less alike than is assumed first; what a fit leaves
-# unexplained, from which it may have been at such a distance.
-NEAR_INVERSE, MOST_UNEXPLAINED = 1.4, 0.52
+# unexplained and of the edge covers, beyond which it may have been at such a distance.
+NEAR_INVERSE, MOST_UNEXPLAINED, LEAST_COVERED = 1.4, 0.52, 0.8
 UNSETTLED = 1.5  # of what a fit leaves unexplained that did not converge: what another may leave
 MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is implausible
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
@@ -396,7 +396,8 @@ def _by_mixed_pixels(
         spot_m = view.config.spot_radius_m
         if isinstance(begin, EdgeFit):
             return edge_fit
-        inverses = [] if edge_fit.unexplained < MOST_UNEXPLAINED else [NEAR_INVERSE]
+        poor = edge_fit.unexplained > MOST_UNEXPLAINED and edge_fit.covered < LEAST_COVERED
+        inverses = [NEAR_INVERSE] if poor else []
         if not _is_likely(edge_fit, begin, spot_m):
             inverses = [edge_fit.inverse_distance, NEAR_INVERSE]
         for inverse in inverses:
