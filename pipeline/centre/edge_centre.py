@@ -31,7 +31,14 @@ from .edge.fit_edge import (
 )
 from .edge.mixed_pixel import EITHER, TAKEN_FOR
 from .edge.solution import AS_MUCH, EdgeFit, common_m2
-from .edge.stated_size import check_sides, check_size, explained_m, fits_size, wider_by_ends_m
+from .edge.stated_size import (
+    SURE_MISFIT,
+    check_sides,
+    check_size,
+    explained_m,
+    fits_size,
+    wider_by_ends_m,
+)
 from .in_plane_rotation import PlaneRotation
 from .outline_fit import (
     MIN_DIRECTIONS,
@@ -62,7 +69,7 @@ WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertaint
 CLEAN_SHARE = 0.015  # of the shift of a clean edge: model uncertainty by what the scanner reports
 ALONG_BEAMS, ACROSS_BEAMS = 1.25, 0.4  # shift of a centre by backgrounds, of that of the parts
 INTENSITY_SHARE = 0.004  # of the footprint: model uncertainty by how intensities fade over an edge
-MISFIT = (0.06, 0.09)  # share of outliers at which doubt begins, and is complete
+MISFIT = (SURE_MISFIT, 0.09)  # share of outliers at which doubt begins, and is complete
 MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre of bend
 # Difference of straight edges by mixed pixels and by points, of its standard uncertainty:
 # tolerated; proof of another shape.
@@ -79,7 +86,7 @@ BY_SPACING = 0.1  # of the spacing: how far inside the edge the outermost points
 OFF_INVERSE = 0.45  # 1/m, from the distance that a fit begins at: one and a half of its prior
 # 1/m: of a scanner at 0.7 m, whose beams are less alike than is assumed first; what a fit leaves
 # unexplained and of the edge covers, beyond which it may have been at such a distance.
-NEAR_INVERSE, MOST_UNEXPLAINED, LEAST_COVERED = 1.4, 0.52, 0.8
+NEAR_INVERSE, MOST_UNEXPLAINED, WELL_COVERED = 1.4, 0.52, 0.8
 UNSETTLED = 1.5  # of what a fit leaves unexplained that did not converge: what another may leave
 MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is implausible
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
@@ -326,23 +333,18 @@ def _with_right_sides(
 
     near, begin: as in `_by_mixed_pixels`.
     """
-    look, fit = None, partial(_by_mixed_pixels, view, start=start, near=near, begin=begin)
-    if begin is not None and edge_fit.clean_shift_m is None:
-        look = partial(_explained_at_first, view, near=near, begin=begin)
+    fit = partial(_by_mixed_pixels, view, start=start, near=near, begin=begin)
     wider_m = wider_by_ends_m(near, outline, edge_fit.state, view.band_m)
 
+    def look(other: Polygon) -> float:
+        return _fit(first_explained, view, other)(near, begin=begin)
+
     def refit(other: EdgeFit) -> EdgeFit | None:
-        begun = replace(begin, state=other.state) if isinstance(begin, Aim) else other
-        return _fit(fit_edge, view, outline)(near, begin=begun)
+        station = begin.station if isinstance(begin, Aim) else None
+        return _fit(fit_edge, view, outline)(near, begin=Aim(other.state, station))
 
-    return check_sides(edge_fit, outline, wider_m, fit, look, refit)
-
-
-def _explained_at_first(
-    view: TargetView, outline: Outline, near: Array, begin: EdgeFit | Aim
-) -> float:
-    """Return how much of an outline a first fit explains."""
-    return _fit(first_explained, view, outline)(near, begin=begin)
+    mixed = begin is not None and edge_fit.clean_shift_m is None
+    return check_sides(edge_fit, outline, wider_m, fit, look if mixed else None, refit)
 
 
 def _aimed(
@@ -396,7 +398,7 @@ def _by_mixed_pixels(
         spot_m = view.config.spot_radius_m
         if isinstance(begin, EdgeFit):
             return edge_fit
-        poor = edge_fit.unexplained > MOST_UNEXPLAINED and edge_fit.covered < LEAST_COVERED
+        poor = edge_fit.unexplained > MOST_UNEXPLAINED and edge_fit.covered < WELL_COVERED
         inverses = [NEAR_INVERSE] if poor else []
         if not _is_likely(edge_fit, begin, spot_m):
             inverses = [edge_fit.inverse_distance, NEAR_INVERSE]

@@ -330,7 +330,7 @@ def test_one_dimension_wrong_is_refused_or_harmless_at_any_spacing(
 
 
 def _unless_refused(width_mm, height_mm, seed, spacing_m):
-    """What is found of a plate wider and higher than stated; None if it is a wrong outline."""
+    """Find a plate that is wider and higher than stated; None if its outline is refused."""
     half_m = (0.18 + width_mm / 2e3, 0.12 + height_mm / 2e3)
     setup = setup_of(RECTANGLE, PLAIN).but(half_m=half_m, spacing_m=spacing_m)
     try:
@@ -346,7 +346,7 @@ def _unless_refused(width_mm, height_mm, seed, spacing_m):
     ("width_mm", "height_mm"), [(0, 0), (3, 0), (-10, 0), (0, -6), (2, 2), (-3, -3)]
 )
 def test_where_points_end_tells_the_width_against_the_height(width_mm, height_mm, spacing_mm):
-    """Footprints end a target inside all of its sides alike: only the difference is told."""
+    """Footprints end a target inside all of its sides alike: only the difference shows."""
     rng, half_mm = np.random.default_rng(1), np.array([180.0 + width_mm / 2, 120.0 + height_mm / 2])
     ticks = np.arange(-200.0, 200.0, spacing_mm)
     q_mm = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)

@@ -366,11 +366,18 @@ def lost_sides(usable: Mask, outline: Outline) -> tuple[float, float]:
     """
     if not isinstance(outline, Polygon):
         return 0.0, 0.0
-    normals = outline.normals((np.arange(len(usable)) + 0.5) / len(usable))
-    facing = normals @ outline.sides_m[:, :2].T > ALONG
-    share = (~usable).astype(float) @ facing / np.maximum(facing.sum(axis=0), 1)
-    across_u = np.abs(outline.sides_m[:, 0]) > np.abs(outline.sides_m[:, 1])
+    sides, across_u = sides_at((np.arange(len(usable)) + 0.5) / len(usable), outline)
+    share = (~usable).astype(float) @ sides / np.maximum(sides.sum(axis=0), 1)
     return float(share[across_u].max(initial=0.0)), float(share[~across_u].max(initial=0.0))
+
+
+def sides_at(share: Array, outline: Polygon) -> tuple[Mask, Mask]:
+    """Return on which sides positions share (N,) along the outline lie (N, K).
+
+    And which of the sides (K,) lie across u, rather than across v.
+    """
+    sides = outline.normals(share) @ outline.sides_m[:, :2].T > ALONG
+    return sides, np.abs(outline.sides_m[:, 0]) > np.abs(outline.sides_m[:, 1])
 
 
 def misfit_of(linear: Equations) -> float:

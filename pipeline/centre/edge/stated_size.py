@@ -11,9 +11,9 @@ from ...errors import NotMeasuredError
 from ...targets import Outline, Polygon
 from ...vectors import Array
 from .beams import SIZE_M, WRONG_SIZE, carry
-from .solution import ALONG, EdgeFit
+from .solution import EdgeFit, sides_at
 
-MISFIT = 0.06  # share of outliers up to which a fit shows how large a target is
+SURE_MISFIT = 0.06  # share of outliers up to which a fit shows how large a target is
 PULLED = 2.5  # of SIZE_M: half a width against half a height, beyond which sides pull at them
 # Standard deviations of its own, beyond which a stated size does not explain a growth of
 # WRONG_SIZE: beams square to a target show little of its size. Least share of SIZE_M that is shown.
@@ -114,17 +114,17 @@ def wider_by_ends_m(near: Array, outline: Polygon, state: Array, band_m: float) 
     near: points (N, 3) about the outline, at all depths; state: (14,) of its fit.
     """
     beams = carry(near[:, :2], -near[:, 2], state, outline)
-    facing = outline.normals(beams.share) @ outline.sides_m[:, :2].T > ALONG
+    sides, across_u = sides_at(beams.share, outline)
     on_face = np.abs(near[:, 2]) < band_m
     ends: tuple[list[float], list[float]] = [], []
-    for side, (u, v, _) in zip(facing.T, outline.sides_m, strict=True):
+    for side, is_across_u in zip(sides.T, across_u.tolist(), strict=True):
         rows = np.flatnonzero(side & beams.clear)
         rows = rows[np.argsort(beams.x_m[rows], kind="stable")]
         if len(rows) > 0:
             wrong = np.cumsum(np.where(on_face[rows], -1, 1))
-            ends[int(abs(v) > abs(u))].append(float(beams.x_m[rows[np.argmin(wrong)]]))
-    across_u, across_v = (float(np.mean(one)) if one else 0.0 for one in ends)
-    return across_u - across_v
+            ends[0 if is_across_u else 1].append(float(beams.x_m[rows[np.argmin(wrong)]]))
+    of_width, of_height = (float(np.mean(one)) if one else 0.0 for one in ends)
+    return of_width - of_height
 
 
 def _doubtful_axes(edge_fit: EdgeFit, wider_m: float) -> tuple[int, ...]:
@@ -172,7 +172,7 @@ def _is_sure(edge_fit: EdgeFit) -> bool:
     A clean edge does where the stated size explains less than another.
     """
     shown = edge_fit.clean_shift_m is None or edge_fit.size_chance == 1.0
-    return edge_fit.converged and edge_fit.misfit < MISFIT and shown
+    return edge_fit.converged and edge_fit.misfit < SURE_MISFIT and shown
 
 
 def _is_explained(edge_fit: EdgeFit, growth_m: float, u_m: float, spot_m: float) -> bool:
