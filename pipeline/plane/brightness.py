@@ -102,7 +102,7 @@ def fit_brightness(
     if brightness is None:
         return None
     cells = _cells(points_m[some], brightness.shade(intensity[some]), region, fit, across)
-    if cells is None or not cells.white_variance > 0.0:
+    if cells is None or not cells.white_variance > resolution_m**2:
         return None
     significant = _is_significant(cells, region.radius_m, resolution_m)
     if not significant and not (brightness.threshold is not None and _is_distinct(cells)):
