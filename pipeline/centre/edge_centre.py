@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
@@ -14,7 +12,7 @@ from ..config import CentreConfig
 from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
 from ..system import frozen
-from ..targets import Holes, Outline, Polygon, Target, sector
+from ..targets import Holes, Outline, Polygon, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
@@ -22,6 +20,7 @@ from .edge.beams import CENTRE, INVERSE, PARALLEL, ROTATION, Prior
 from .edge.fit_edge import (
     Aim,
     Behind,
+    EdgeToFit,
     aimed,
     first_explained,
     fit_edge,
@@ -50,8 +49,6 @@ from .outline_fit import (
 )
 from .target_view import TargetView
 from .uncut_edges import BEYOND_M, in_sectors, uncut_sectors
-
-F = TypeVar("F")
 
 # Logs of the thickness between two edges of one plate, from which the second is doubtful, or none:
 # three and eight times what is known beforehand. Something before the background, just beyond the
@@ -334,14 +331,15 @@ def _with_right_sides(
     near, begin: as in `_by_mixed_pixels`.
     """
     fit = partial(_by_mixed_pixels, view, start=start, near=near, begin=begin)
+    first = begin or edge_fit
     wider_m = wider_by_ends_m(near, outline, edge_fit.state, view.band_m)
 
     def look(other: Polygon) -> float:
-        return _fit(first_explained, view, other)(near, begin=begin)
+        return first_explained(near, _edge(view, other), first)
 
     def refit(other: EdgeFit) -> EdgeFit | None:
         station = begin.station if isinstance(begin, Aim) else None
-        return _fit(fit_edge, view, outline)(near, begin=Aim(other.state, station))
+        return fit_edge(near, _edge(view, outline), Aim(other.state, station))
 
     mixed = begin is not None and edge_fit.clean_shift_m is None
     return check_sides(edge_fit, outline, wider_m, fit, look if mixed else None, refit)
@@ -357,25 +355,14 @@ def _aimed(
     return aimed(near, outline, view.target.thickness, view.config, start, view.station, inverse)
 
 
-def _fit(fit: Callable[..., F], view: TargetView, outline: Outline) -> partial[F]:
-    """Return `fit_edge`, or another, of this outline; points and where to begin are left to it."""
-    chamfer_m, roundness = _edge_of(view.target)
-    return partial(
-        fit,
-        outline=outline,
-        thickness_m=view.target.thickness,
-        chamfer_m=chamfer_m,
-        roundness=roundness,
-        sigma_m=view.plane.sigma_m,
-        config=view.config,
-    )
-
-
-def _edge_of(target: Target) -> tuple[float | None, float]:
-    """Return width and roundness of the chamfer of a target's edges, None where none is stated."""
+def _edge(view: TargetView, outline: Outline) -> EdgeToFit:
+    """Return an outline of the target as an edge to fit."""
+    target = view.target
+    chamfer_m, roundness = target.chamfer, EITHER if target.chamfer is None else 0.0
     if target.edge_radius is not None:
-        return TAKEN_FOR * target.edge_radius, 1.0
-    return target.chamfer, EITHER if target.chamfer is None else 0.0
+        chamfer_m, roundness = TAKEN_FOR * target.edge_radius, 1.0
+    sigma_m = view.plane.sigma_m
+    return EdgeToFit(outline, target.thickness, sigma_m, view.config, chamfer_m, roundness)
 
 
 def _by_mixed_pixels(
@@ -392,8 +379,8 @@ def _by_mixed_pixels(
     from leads to such solutions, too.
     near: points (N, 3 or 5) about the outline. begin: as in `fit_edge`; None: found from more.
     """
-    fit = _fit(fit_edge, view, outline)
-    edge_fit = None if begin is None else fit(near, begin=begin)
+    edge = _edge(view, outline)
+    edge_fit = None if begin is None else fit_edge(near, edge, begin)
     if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
         spot_m = view.config.spot_radius_m
         if isinstance(begin, EdgeFit):
@@ -404,7 +391,7 @@ def _by_mixed_pixels(
             inverses = [edge_fit.inverse_distance, NEAR_INVERSE]
         for inverse in inverses:
             aim = _aimed(view, near, outline, start, inverse)
-            other = None if aim is None else fit(near, begin=aim)
+            other = None if aim is None else fit_edge(near, edge, aim)
             if other and _explains_more(other, edge_fit, spot_m):
                 edge_fit = other
             if edge_fit.converged and fits_size(edge_fit, spot_m):
@@ -415,11 +402,11 @@ def _by_mixed_pixels(
         first = replace(begin, state=edge_fit.state) if begin and edge_fit else None
         begin = first or _aimed(view, near, outline, start)
     if begin is not None:
-        return fit(near, begin=begin) or edge_fit
+        return fit_edge(near, edge, begin) or edge_fit
     if near.shape[1] < WITH_INTENSITY:
         return None
     begin = square_on(view.target.thickness, view.config, start)
-    return _fit(fit_intensities, view, outline)(near, begin=begin)
+    return fit_intensities(near, edge, begin)
 
 
 def _uncut(
@@ -451,7 +438,7 @@ def _uncut(
             near = view.near(outline, pose, STEEPEST, even=True)
         near = near[in_sectors(kept, near[:, :2], -near[:, 2], outline, state)]
         begin = replace(begin, state=state) if isinstance(begin, Aim) else begin or edge_fit
-        edge_fit = _fit(fit_edge, view, outline)(near, begin=begin)
+        edge_fit = fit_edge(near, _edge(view, outline), begin)
     return face, near, edge_fit
 
 

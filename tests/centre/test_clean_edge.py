@@ -30,7 +30,7 @@ from wheelplane.centre.edge.clean_edge import (
     shift_m,
 )
 from wheelplane.centre.edge.edge_residuals import EdgeProblem
-from wheelplane.centre.edge.fit_edge import Aim, aimed, fit_edge
+from wheelplane.centre.edge.fit_edge import Aim, EdgeToFit, aimed, fit_edge
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
 from wheelplane.vectors import turned
@@ -55,7 +55,7 @@ def fitted(name, seed, **changes):
     outline, setup = SCENES[name]
     points = make(setup.but(**changes), seed).points_m
     begin = aimed(points, outline, 0.01, CONFIG)
-    return fit_edge(points, outline, 0.01, 0.0003, CONFIG, begin)
+    return fit_edge(points, EdgeToFit(outline, 0.01, 0.0003, CONFIG), begin)
 
 
 def problem_of(name, incidence_deg):
@@ -107,7 +107,9 @@ def test_a_background_that_was_seen_from_elsewhere_moves_no_centre():
         )
         state = Prior.of(0.01, CONFIG).mean
         state[BEAM], state[INVERSE] = [0.0, -0.5], 1.8
-        found = fit_edge(points, Circle(0.125), 0.01, 5e-4, CONFIG, Aim(state), chamfer_m=0.0)
+        found = fit_edge(
+            points, EdgeToFit(Circle(0.125), 0.01, 5e-4, CONFIG, chamfer_m=0.0), Aim(state)
+        )
         assert found.converged
         off.append(found.centre_m / np.sqrt(np.diag(found.covariance_m2)))
     assert np.sqrt(np.mean(np.square(off))) < 1.4  # of 24 values: 1.46 at 99.9 %, 1.7 with the ring
@@ -134,7 +136,9 @@ def test_a_side_that_rows_run_along_lies_anywhere_between_two_of_them(angle_deg,
     for seed in range(24):
         points = rowed(seed, math.radians(angle_deg))
         begin = aimed(points, plate, 1e-4, CONFIG)
-        found = begin and fit_edge(points, plate, 1e-4, 3e-4, CONFIG, begin, chamfer_m=0.0)
+        found = begin and fit_edge(
+            points, EdgeToFit(plate, 1e-4, 3e-4, CONFIG, chamfer_m=0.0), begin
+        )
         if found:
             off.append(found.centre_m)
             us.append(math.sqrt(np.trace(found.covariance_m2) / 2.0 + found.rows_m**2 / 2.0))

@@ -21,7 +21,7 @@ from tests.support.scenes import Setup, make
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.centre import edge_centre
 from wheelplane.centre.edge.beams import INVERSE, SIZE_M
-from wheelplane.centre.edge.fit_edge import fit_edge, square_on
+from wheelplane.centre.edge.fit_edge import EdgeToFit, fit_edge, square_on
 from wheelplane.centre.edge.stated_size import check_sides
 from wheelplane.centre.edge_centre import (
     DOUBTFUL,
@@ -93,16 +93,16 @@ def test_a_fit_of_another_size_is_tried_again_from_the_distance_that_it_found(
     _, view = viewed("disc-250")
     outline, start = view.target.edge, (np.zeros(2), 0.0)
     near, begin, starts = view.near(outline, start), square_on(0.01, view.config, start), []
-    real = fit_edge(near, outline, 0.01, view.plane.sigma_m, view.config, begin)
+    real = fit_edge(near, EdgeToFit(outline, 0.01, view.plane.sigma_m, view.config), begin)
     first = replace(real, growth_m=growth_m, growth_u_m=1e-5, inverse_distance=0.7)
     left = explains * first.unexplained
     other = replace(first, growth_m=other_m, unexplained=left, converged=settles)
 
-    def fit(points, *, begin):
+    def fit(points, edge, begin):
         starts.append(begin)
         return first if len(starts) == 1 else other
 
-    monkeypatch.setattr(edge_centre, "_fit", lambda *args: fit)
+    monkeypatch.setattr(edge_centre, "fit_edge", fit)
     monkeypatch.setattr(edge_centre, "aimed", lambda *args: replace(begin, state=args[-1]))
     found = edge_centre._by_mixed_pixels(view, outline, start, near, begin)
     assert found is (other if taken == "other" else first)
@@ -129,7 +129,7 @@ def test_a_fit_far_from_the_distance_that_it_began_at_or_not_settled_is_tried_ag
     _, view = viewed("disc-250")
     outline, start = view.target.edge, (np.zeros(2), 0.0)
     near, begin = view.near(outline, start), square_on(0.01, view.config, start)
-    real = fit_edge(near, outline, 0.01, view.plane.sigma_m, view.config, begin)
+    real = fit_edge(near, EdgeToFit(outline, 0.01, view.plane.sigma_m, view.config), begin)
     inverse = begin.state[INVERSE] + off * OFF_INVERSE
     first = replace(
         real, growth_m=6e-5, growth_u_m=1e-5, inverse_distance=inverse, converged=settled
@@ -137,7 +137,7 @@ def test_a_fit_far_from_the_distance_that_it_began_at_or_not_settled_is_tried_ag
     rest = left * first.unexplained
     other = replace(first, growth_m=other_m, unexplained=rest, converged=True)
     fits = iter((first, other, other))
-    monkeypatch.setattr(edge_centre, "_fit", lambda *args: lambda *a, **k: next(fits))
+    monkeypatch.setattr(edge_centre, "fit_edge", lambda *args: next(fits))
     monkeypatch.setattr(edge_centre, "aimed", lambda *args: begin)
     found = edge_centre._by_mixed_pixels(view, outline, start, near, begin)
     assert found is (other if taken == "other" else first)

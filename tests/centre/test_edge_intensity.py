@@ -58,7 +58,7 @@ from wheelplane.centre.edge.edge_residuals import (
     profile_slopes,
     robust_weight,
 )
-from wheelplane.centre.edge.fit_edge import Aim, fit_edge, fit_intensities, square_on
+from wheelplane.centre.edge.fit_edge import Aim, EdgeToFit, fit_edge, fit_intensities, square_on
 from wheelplane.centre.edge_centre import ACROSS_BEAMS, ALONG_BEAMS, _by_backgrounds
 from wheelplane.config import CentreConfig
 from wheelplane.errors import NotMeasuredError
@@ -91,7 +91,9 @@ def fitted(setup, points, config=CONFIG, chamfer_m=None):
     state[BEAM], state[INVERSE] = np.array(setup.slope) + 0.01, 0.02
     begin = Aim(state)
     outline = Circle(setup.radius_m)
-    return fit_edge(points, outline, THICKNESS_M, setup.noise_m, config, begin, chamfer_m)
+    return fit_edge(
+        points, EdgeToFit(outline, THICKNESS_M, setup.noise_m, config, chamfer_m), begin
+    )
 
 
 def off_m(found, setup):
@@ -229,14 +231,16 @@ def test_nothing_needs_to_be_behind_the_edge(slope):
     points = np.column_stack([points, relative_to_face(points[:, :2], power, light)])
     begin = square_on(THICKNESS_M, CONFIG, (np.zeros(2), 0.0))
     disc = Circle(setup.radius_m)
-    found = fit_intensities(points, disc, THICKNESS_M, setup.noise_m, CONFIG, begin)
+    found = fit_intensities(points, EdgeToFit(disc, THICKNESS_M, setup.noise_m, CONFIG), begin)
     if slope[0] > 0.2:
         assert found is None
         return
     assert np.hypot(*off_m(found, setup)) < 6e-5
     np.testing.assert_allclose(found.beam, slope, atol=0.06)
     blind = np.column_stack([points[:, :3], np.full(len(points), np.nan)])
-    assert fit_intensities(blind, disc, THICKNESS_M, setup.noise_m, CONFIG, begin) is None
+    assert (
+        fit_intensities(blind, EdgeToFit(disc, THICKNESS_M, setup.noise_m, CONFIG), begin) is None
+    )
 
 
 def lit_scene(outline, count=6000, thickness_m=0.012):

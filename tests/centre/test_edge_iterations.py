@@ -37,7 +37,7 @@ from wheelplane.centre.edge.edge_residuals import (
     equations,
     spread,
 )
-from wheelplane.centre.edge.fit_edge import aimed, fit_edge
+from wheelplane.centre.edge.fit_edge import EdgeToFit, aimed, fit_edge
 from wheelplane.centre.edge.mixed_fit import (
     BY_ZONES,
     DIFFERENT,
@@ -791,7 +791,7 @@ def test_an_edge_with_next_to_no_background_is_none(seed):
     uvw = np.column_stack([plane + depth[:, None] * state[BEAM], -depth])
     uvw = uvw[(x_m < 0.002) | (rng.random(len(x_m)) < 0.01)]
     begin = aimed(uvw, DISC, 0.012, CONFIG, (state[CENTRE], 0.0), np.array([-0.7, 0.4, 1.8]))
-    assert fit_edge(uvw, DISC, 0.012, SIGMA_M, CONFIG, begin) is None
+    assert fit_edge(uvw, EdgeToFit(DISC, 0.012, SIGMA_M, CONFIG), begin) is None
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e20])

@@ -14,7 +14,7 @@ import pytest
 
 from wheelplane.centre.edge.beams import BEAM, RATIO, SPOT, THICKNESS, Prior, pointed
 from wheelplane.centre.edge.clean_fit import BY_WALL, ERODED, LIKELY, _shares
-from wheelplane.centre.edge.fit_edge import Aim, _reach_m, aimed, fit_edge, look_behind
+from wheelplane.centre.edge.fit_edge import Aim, EdgeToFit, _reach_m, aimed, fit_edge, look_behind
 from wheelplane.centre.edge.mixed_fit import LEAST, RIDGE, STEEP, _diverged, _is_strange
 from wheelplane.centre.edge.solution import CONVERGED_M, SETTLED, EdgeFit, Solution, settled
 from wheelplane.config import CentreConfig
@@ -93,7 +93,7 @@ def _wall_depth_m(there, tau, bent):
 def fitted(name, config=CONFIG, thickness_m=0.01, start=(CENTRE_M, ROTATED), **changes):
     outline, points = scanned(name, thickness_m=thickness_m, **changes)
     begin = aimed(points, outline, thickness_m, config, start)
-    return fit_edge(points, outline, thickness_m, NOISE_M, config, begin)
+    return fit_edge(points, EdgeToFit(outline, thickness_m, NOISE_M, config), begin)
 
 
 def off_m(found):
@@ -132,7 +132,7 @@ def test_a_clean_edge_of_another_size_is_found(returned, grown_m):
     _, points = scanned("disc", returned=returned)
     stated = Circle(0.12 - grown_m)
     begin = aimed(points, stated, 0.01, CONFIG, (CENTRE_M, ROTATED))
-    found = fit_edge(points, stated, 0.01, NOISE_M, CONFIG, begin)
+    found = fit_edge(points, EdgeToFit(stated, 0.01, NOISE_M, CONFIG), begin)
     if found is None:  # as if the beams at the edge had been filtered out
         assert returned == "strongest"
         assert grown_m < 0.0
@@ -174,7 +174,7 @@ def test_no_more_steps_than_allowed(returned):
 def test_less_than_a_quarter_of_an_edge_gives_no_centre(returned, hidden, shown):
     outline, points = scanned("disc", returned=returned, hidden=hidden)
     state = pointed(Prior.of(0.01, CONFIG).mean, STATION, CENTRE_M)
-    found = fit_edge(points, outline, 0.01, NOISE_M, CONFIG, Aim(state))
+    found = fit_edge(points, EdgeToFit(outline, 0.01, NOISE_M, CONFIG), Aim(state))
     assert (found is not None) == shown
     if shown:
         assert found.covered == pytest.approx(1.0 - hidden, abs=0.1)
@@ -186,14 +186,14 @@ def test_very_few_points_give_no_centre(returned):
     rng, state = np.random.default_rng(0), pointed(Prior.of(0.01, CONFIG).mean, STATION, CENTRE_M)
     few = points[rng.permutation(len(points))[:25]]
     assert LEAST > 5
-    assert fit_edge(few, outline, 0.01, NOISE_M, CONFIG, Aim(state)) is None
-    assert fit_edge(points[:0], outline, 0.01, NOISE_M, CONFIG, Aim(state)) is None
+    assert fit_edge(few, EdgeToFit(outline, 0.01, NOISE_M, CONFIG), Aim(state)) is None
+    assert fit_edge(points[:0], EdgeToFit(outline, 0.01, NOISE_M, CONFIG), Aim(state)) is None
 
 
 def test_a_station_in_the_prior_holds_the_beams():
     outline, points = scanned("disc", spacing_m=0.012)
     begin = aimed(points, outline, 0.01, CONFIG, (CENTRE_M, ROTATED), STATION)
-    found = fit_edge(points, outline, 0.01, NOISE_M, CONFIG, begin)
+    found = fit_edge(points, EdgeToFit(outline, 0.01, NOISE_M, CONFIG), begin)
     np.testing.assert_allclose(found.beam, (CENTRE_M - STATION[:2]) / STATION[2], atol=0.006)
     assert found.inverse_distance == pytest.approx(1.0 / STATION[2], abs=0.003)
 
@@ -290,7 +290,9 @@ def test_an_edge_whose_beams_were_filtered_out_is_in_the_middle_of_the_gap(name,
     inside_m = x_m - wall_m if kept == "wall" else x_m
     lost = (inside_m > -wide * SPOT_M) & (x_m - wall_m < wide * SPOT_M)
     state = pointed(Prior.of(0.01, CONFIG).mean, STATION, CENTRE_M)
-    found = fit_edge(points[~lost], outline, 0.01, NOISE_M, CONFIG, Aim(state), chamfer_m=0.0)
+    found = fit_edge(
+        points[~lost], EdgeToFit(outline, 0.01, NOISE_M, CONFIG, chamfer_m=0.0), Aim(state)
+    )
     assert found.clean_shift_m == pytest.approx(-wide * SPOT_M, rel=0.2)
     aside_m = 0.0 if found.by_thickness_m is None else 0.4 * np.hypot(*found.by_thickness_m)
     assert np.hypot(*off_m(found)) < 3.72 * math.hypot(u_m(found), found.unlike_m, aside_m)
@@ -319,7 +321,7 @@ def test_what_leaves_as_much_of_the_places_counts_as_much_and_what_leaves_more_l
 def test_returns_that_part_leave_no_gap(returned):
     outline, points = scanned("disc", returned=returned)
     state = pointed(Prior.of(0.01, CONFIG).mean, STATION, CENTRE_M)
-    found = fit_edge(points, outline, 0.01, NOISE_M, CONFIG, Aim(state))
+    found = fit_edge(points, EdgeToFit(outline, 0.01, NOISE_M, CONFIG), Aim(state))
     assert found.clean_shift_m > -ERODED * SPOT_M
 
 
@@ -327,6 +329,6 @@ def test_another_edge_begins_with_the_beams_of_the_first():
     first = fitted("disc")
     assert isinstance(first, EdgeFit)
     outline, points = scanned("holes")
-    found = fit_edge(points, outline, 0.01, NOISE_M, CONFIG, first)
+    found = fit_edge(points, EdgeToFit(outline, 0.01, NOISE_M, CONFIG), first)
     np.testing.assert_allclose(found.beam, first.beam, atol=0.02)
     assert np.hypot(*off_m(found)) < 4.0 * u_m(found) + 1e-5

@@ -32,7 +32,7 @@ from wheelplane.centre.edge.edge_residuals import (
     spread,
     zone_scatter,
 )
-from wheelplane.centre.edge.fit_edge import Aim, aimed, fit_edge, look_behind
+from wheelplane.centre.edge.fit_edge import Aim, EdgeToFit, aimed, fit_edge, look_behind
 from wheelplane.centre.edge.mixed_fit import DIFFERENT, _solved
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
@@ -65,7 +65,7 @@ def true_state(station):
 
 def fitted(outline, points):
     begin = aimed(points, outline, 0.01, CONFIG)
-    return fit_edge(points, outline, 0.01, 0.0003, CONFIG, begin)
+    return fit_edge(points, EdgeToFit(outline, 0.01, 0.0003, CONFIG), begin)
 
 
 @pytest.mark.parametrize("incidence", [5.0, 25.0])
@@ -124,7 +124,9 @@ def test_without_a_background_nothing_shows_the_beams_and_nothing_is_fitted(name
     assert seen_through(plane, depth, true_state(station), outline) == np.inf
     assert not is_contradicted(plane, depth, true_state(station), outline)
     assert aimed(points, outline, 0.01, CONFIG) is None
-    assert fit_edge(points, outline, 0.01, 0.0003, CONFIG, Aim(true_state(station))) is None
+    assert (
+        fit_edge(points, EdgeToFit(outline, 0.01, 0.0003, CONFIG), Aim(true_state(station))) is None
+    )
     assert not look_behind(points, outline, CONFIG, START, None).seen
 
 
@@ -156,7 +158,7 @@ def test_a_known_station_makes_the_centre_of_few_points_more_certain(name):
         stated = cloud.viewpoint_m + 0.005 * rng.normal(size=3)
         for known, station in (("unknown", None), ("known", stated)):
             begin = aimed(cloud.points_m, outline, 0.01, CONFIG, START, station)
-            fit = fit_edge(cloud.points_m, outline, 0.01, 0.0008, CONFIG, begin)
+            fit = fit_edge(cloud.points_m, EdgeToFit(outline, 0.01, 0.0008, CONFIG), begin)
             if fit is not None:
                 u_m = np.sqrt(np.diag(fit.covariance_m2))
                 found[known].append(np.stack([fit.centre_m, u_m]))
@@ -204,7 +206,7 @@ def test_a_plane_that_is_too_high_moves_the_centre_as_the_derivative_says():
     def sharp(points):
         config = CONFIG.model_copy(update={"ambiguity_m": 0.0})
         begin = aimed(points, outline, 0.01, config)
-        return fit_edge(points, outline, 0.01, 0.0003, config, begin, chamfer_m=0.0)
+        return fit_edge(points, EdgeToFit(outline, 0.01, 0.0003, config, chamfer_m=0.0), begin)
 
     here, lift = sharp(points), 5e-5
     up, down = (sharp(points - [0.0, 0.0, way * lift]) for way in (1.0, -1.0))
@@ -216,7 +218,7 @@ def test_a_plane_that_is_too_high_moves_the_centre_as_the_derivative_says():
 
 def test_a_scanner_that_filters_mixed_pixels_shows_the_edge_in_the_middle_of_the_gap():
     outline, points, station = scanned("disc", filtered=True)
-    found = fit_edge(points, outline, 0.01, 0.0003, CONFIG, Aim(true_state(station)))
+    found = fit_edge(points, EdgeToFit(outline, 0.01, 0.0003, CONFIG), Aim(true_state(station)))
     assert found.clean_shift_m < -0.5e-3
     u_m = math.sqrt(np.trace(found.covariance_m2))
     off_m = np.hypot(*(found.centre_m - true_state(station)[CENTRE]))
@@ -228,7 +230,9 @@ def test_the_state_is_what_the_fit_says():
     outline, points, _ = scanned("disc")
     found = fitted(outline, points)
     np.testing.assert_array_equal(found.state[CENTRE], found.centre_m)
-    again = fit_edge(points, outline, 0.01, 0.0003, CONFIG, found)  # as another edge's fit
+    again = fit_edge(
+        points, EdgeToFit(outline, 0.01, 0.0003, CONFIG), found
+    )  # as another edge's fit
     np.testing.assert_allclose(again.centre_m, found.centre_m, atol=1e-5)
 
 
@@ -333,10 +337,10 @@ def test_few_points_are_mixed_where_some_lie_between_or_a_fit_explains_them(
     monkeypatch.setattr(module, "fit_clean", lambda *args: clean)
     outline, points, station = scanned("disc", spacing_m=0.0125)
     begin = aimed(points, outline, 0.01, CONFIG, START, station)
-    found = fit_edge(points, outline, 0.01, 2e-4, CONFIG, begin)
+    found = fit_edge(points, EdgeToFit(outline, 0.01, 2e-4, CONFIG), begin)
     assert found is (fitted if by_pixels else clean)
     monkeypatch.setattr(module, "fit_clean", lambda *args: None)
-    assert fit_edge(points, outline, 0.01, 2e-4, CONFIG, begin) is fitted
+    assert fit_edge(points, EdgeToFit(outline, 0.01, 2e-4, CONFIG), begin) is fitted
 
 
 def through_an_opening(seed, beyond_m, near_m=0.1, deep_m=0.44):

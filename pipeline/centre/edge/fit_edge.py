@@ -55,6 +55,21 @@ NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 
 
 @frozen(eq=False)
+class EdgeToFit:
+    """Edge of a target as stated: its outline; thickness_m and chamfer_m, None where unknown.
+
+    roundness: of the edge, see `rounded`. sigma_m: standard deviation of the points' depths.
+    """
+
+    outline: Outline
+    thickness_m: float | None
+    sigma_m: float
+    config: CentreConfig
+    chamfer_m: float | None = None
+    roundness: float = EITHER
+
+
+@frozen(eq=False)
 class Aim:
     """Start of a fit: state (14,); station (3,) that its beams come from, if one is known."""
 
@@ -62,33 +77,22 @@ class Aim:
     station: Array | None = None
 
 
-def fit_edge(
-    uvw_m: Array,
-    outline: Outline,
-    thickness_m: float | None,
-    sigma_m: float,
-    config: CentreConfig,
-    begin: Aim | EdgeFit,
-    chamfer_m: float | None = None,
-    roundness: float = EITHER,
-) -> EdgeFit | None:
-    """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
+def fit_edge(uvw_m: Array, edge: EdgeToFit, begin: Aim | EdgeFit) -> EdgeFit | None:
+    """Fit an edge to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
     (N, 5) with intensities over that of the face, NaN where unknown: of points on the target, and
     of all, by which the background's brightness is known; (N, 4) without the latter.
 
     Where there are no mixed pixels, to the points on both sides of it (clean_edge.py).
-    thickness_m, chamfer_m: of the target, where known. roundness: of its edge, see `rounded`.
     begin: where to start, as `aimed` returns it, or the fit of another edge of the same target,
     whose beams are the same.
     None where less than a quarter of the edge has a background, or where beams at the edge were
     filtered out and leave no gap.
     """
-    problem, state = _problem(
-        uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m, roundness
-    )
+    problem, state = _problem(uvw_m, edge, begin)
+    stated = edge.thickness_m, edge.config
     if problem.few:
-        fitted = fit_mixed(problem, state, thickness_m, config)
+        fitted = fit_mixed(problem, state, *stated)
         share = _mixed_share_of_few(problem, fitted.state if fitted else state)
         mixed = share > MIXED_OF_FEW
         likely = fitted is not None and fitted.loss < LOSS_BY_CHANCE and share > SOME_OF_FEW
@@ -99,12 +103,12 @@ def fit_edge(
         if share < MOST_CLEAN:
             share = mixed_share(beams, problem.depth, background, besides_surfaces=True)
         mixed = share > MOST_CLEAN
-        fitted = None if share < MIN_MIXED else fit_mixed(problem, state, thickness_m, config)
+        fitted = None if share < MIN_MIXED else fit_mixed(problem, state, *stated)
         likely = fitted is not None and fitted.converged and fitted.misfit < MISFIT
     shown, certain = mixed or likely, mixed and likely and not problem.few
     if certain or (shown and problem.intensity is None):
         return fitted
-    clean = fit_clean(problem, state, config)
+    clean = fit_clean(problem, state, edge.config)
     if shown and not (clean and clean.exponent):
         return fitted
     return clean or fitted
@@ -118,71 +122,40 @@ def _mixed_share_of_few(problem: EdgeProblem, state: Array) -> float:
     return mixed_share_of_few(beams, problem.depth, background, deepest_m)
 
 
-def first_explained(
-    uvw_m: Array,
-    outline: Outline,
-    thickness_m: float | None,
-    sigma_m: float,
-    config: CentreConfig,
-    begin: Aim | EdgeFit,
-    chamfer_m: float | None = None,
-    roundness: float = EITHER,
-) -> float:
+def first_explained(uvw_m: Array, edge: EdgeToFit, begin: Aim | EdgeFit) -> float:
     """Return how many of some points a rough fit to mixed pixels explains, as of an EdgeFit.
 
     Points as in `fit_edge`.
     """
-    problem, state = _problem(
-        uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m, roundness
-    )
-    return explained_at_first(problem, state, config.max_iterations)
+    problem, state = _problem(uvw_m, edge, begin)
+    return explained_at_first(problem, state, edge.config.max_iterations)
 
 
-def fit_intensities(
-    uvw_m: Array,
-    outline: Outline,
-    thickness_m: float | None,
-    sigma_m: float,
-    config: CentreConfig,
-    begin: Aim,
-    chamfer_m: float | None = None,
-    roundness: float = EITHER,
-) -> EdgeFit | None:
-    """Fit an outline to the intensities of points uvw_m (N, 4 or 5), and not to what is behind.
+def fit_intensities(uvw_m: Array, edge: EdgeToFit, begin: Aim) -> EdgeFit | None:
+    """Fit an edge to the intensities of points uvw_m (N, 4 or 5), and not to what is behind.
 
     Nothing but the returns of a wall shows the beams' direction: None where that counts.
     """
-    problem, state = _problem(
-        uvw_m, outline, thickness_m, sigma_m, config, begin, chamfer_m, roundness
-    )
-    found = by_intensity(problem, state, config.max_iterations)
+    problem, state = _problem(uvw_m, edge, begin)
+    found = by_intensity(problem, state, edge.config.max_iterations)
     if found is None or float(np.hypot(*found.beam)) > MOST_UNSEEN:
         return None
     return found
 
 
-def _problem(
-    uvw_m: Array,
-    outline: Outline,
-    thickness_m: float | None,
-    sigma_m: float,
-    config: CentreConfig,
-    begin: Aim | EdgeFit,
-    chamfer_m: float | None,
-    roundness: float,
-) -> tuple[EdgeProblem, Array]:
+def _problem(uvw_m: Array, edge: EdgeToFit, begin: Aim | EdgeFit) -> tuple[EdgeProblem, Array]:
     """Return the points near the edge with their prior, and the state (14,) to start from."""
     if isinstance(begin, EdgeFit):
         prior, station = Prior.beside(begin.state, begin.chamfer_u_m, begin.modulation_u), None
         state = prior.mean
     else:
-        prior, station, state = Prior.of(thickness_m, config), begin.station, begin.state
+        prior, station, state = Prior.of(edge.thickness_m, edge.config), begin.station, begin.state
         prior = prior.from_afar(state)
-    prior, state = prior.of_chamfer(chamfer_m), state.copy()
+    prior, state = prior.of_chamfer(edge.chamfer_m), state.copy()
     state[CHAMFER] = prior.mean[CHAMFER]
-    beside = outside_m(uvw_m[:, :2], -uvw_m[:, 2], state, outline)
+    beside = outside_m(uvw_m[:, :2], -uvw_m[:, 2], state, edge.outline)
     near = uvw_m[np.abs(beside) < _reach_m(state)]
-    near = near[sample_rows(near[:, :3], config.max_points)]
+    near = near[sample_rows(near[:, :3], edge.config.max_points)]
     few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
     plane = np.asfortranarray(near[:, :2])
     intensity, light = (near[:, k] if near.shape[1] > k else None for k in (3, 4))
@@ -190,13 +163,13 @@ def _problem(
         plane,
         -near[:, 2],
         prior,
-        outline,
-        sigma_m,
+        edge.outline,
+        edge.sigma_m,
         few,
         station,
         intensity,
         light,
-        roundness=roundness,
+        roundness=edge.roundness,
     )
     return problem.about(state), state
 
