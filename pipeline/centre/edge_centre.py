@@ -48,7 +48,7 @@ from .outline_fit import (
     place_circle,
 )
 from .target_view import TargetView
-from .uncut_edges import BEYOND_M, in_sectors, uncut_sectors
+from .uncut_edges import BEYOND_M, in_sectors, uncut_arcs, uncut_sectors
 
 # Logs of the thickness between two edges of one plate, from which the second is doubtful, or none:
 # three and eight times what is known beforehand. Something before the background, just beyond the
@@ -79,6 +79,7 @@ FULL_SLOPE = 0.5  # of the beams, from which a whole radius of the footprint mee
 ROWS = 0.2
 # In how many sectors, and how many in each, points beyond show that no crop ended the target.
 BEYOND_SECTORS, LEAST_BEYOND = 24, 2
+LEAST_ARC = 0.4  # of a round edge, not cut by a crop, to be fitted alone
 BY_SPACING = 0.1  # of the spacing: how far inside the edge the outermost points may lie all round
 OFF_INVERSE = 0.45  # 1/m, from the distance that a fit begins at: one and a half of its prior
 # 1/m: of a scanner at 0.7 m, whose beams are less alike than is assumed first; what a fit leaves
@@ -193,6 +194,8 @@ def _by_edge(
         return None
     if outline.shows_rotation:
         face, near, edge_fit = _uncut(view, outline, start, (face, near), edge_fit, known or aim)
+    elif edge_fit is not None:
+        near, edge_fit = _uncut_arcs(view, outline, near, edge_fit, known or aim)
     if edge_fit is not None and isinstance(outline, Polygon):
         edge_fit = _with_right_sides(view, outline, start, near, edge_fit, known or aim)
     if edge_fit is not None:
@@ -208,7 +211,7 @@ def _by_edge(
         grazing_m = _grazing(behind, config)
         edge_m = UNEXPLAINED_EDGE_M if behind.seen and behind.beam is None else OUTLINE_EDGE_M
         edge_m = max(edge_m, _rows_m(view, outline))
-        edge_m = math.hypot(edge_m, _cut_m(near, outline, fitted, view.spacing_m))
+        edge_m = math.hypot(edge_m, _cut_m(view, near, outline, fitted))
         centre, rotation = fitted.centre_m + SHORT * grazing_m, fitted.rotation_rad
         method = "outline" if method == "rim" else method
         estimate = CentreEstimate(
@@ -274,20 +277,23 @@ def _rows_m(view: TargetView, outline: Outline) -> float:
     return ROWS * view.spacing_m if outline.shows_rotation else 0.0
 
 
-def _cut_m(near: Array, outline: Outline, fitted: OutlineFit, spacing_m: float) -> float:
+def _cut_m(view: TargetView, near: Array, outline: Outline, fitted: OutlineFit) -> float:
     """Return the standard uncertainty of a round outline that a round crop may have cut.
 
-    Such a crop leaves points that end inside the stated outline, not evenly, and nothing beyond
-    them; the middle is then elsewhere by about as much as they end inside all round.
-    near: points (N, 3) about the outline, at all depths.
+    Such a crop leaves points that end inside the stated outline, not evenly, or where their
+    background ends, and nothing beyond them; the middle is then elsewhere by about as much as they
+    end inside all round. near: points (N, 3) about the outline, at all depths.
     """
-    if outline.shows_rotation or not fitted.is_uneven:
+    if outline.shows_rotation:
+        return 0.0
+    kept = uncut_arcs(near, outline, fitted.centre_m, view.band_m, view.spacing_m)
+    if kept is None and not fitted.is_uneven:
         return 0.0
     closest = outline.closest(turned(near[:, :2] - fitted.centre_m, -fitted.rotation_rad))
     beyond = sector(closest.share[closest.x_m > BEYOND_M], BEYOND_SECTORS)
     count = np.bincount(beyond, minlength=BEYOND_SECTORS)
     empty = float(np.mean(count < LEAST_BEYOND))
-    return empty * max(-fitted.growth_m - BY_SPACING * spacing_m, 0.0)
+    return empty * max(-fitted.growth_m - BY_SPACING * view.spacing_m, 0.0)
 
 
 def _explains_more(other: EdgeFit, found: EdgeFit, spot_m: float) -> bool:
@@ -440,6 +446,27 @@ def _uncut(
         begin = replace(begin, state=state) if isinstance(begin, Aim) else begin or edge_fit
         edge_fit = fit_edge(near, _edge(view, outline), begin)
     return face, near, edge_fit
+
+
+def _uncut_arcs(
+    view: TargetView,
+    outline: Outline,
+    near: Array,
+    edge_fit: EdgeFit,
+    begin: EdgeFit | Aim | None,
+) -> tuple[Array, EdgeFit | None]:
+    """Leave out the arcs of a round edge that a crop may have cut, and fit to the others.
+
+    None where these are less than LEAST_ARC of it: what of the edge was left then looks whole.
+    near, begin: as in `_by_mixed_pixels`.
+    """
+    kept = uncut_arcs(near, outline, edge_fit.centre_m, view.band_m, view.spacing_m)
+    if kept is None:
+        return near, edge_fit
+    if float(np.mean(kept)) < LEAST_ARC:
+        return near, None
+    near = near[in_sectors(kept, near[:, :2], -near[:, 2], outline, edge_fit.state)]
+    return near, fit_edge(near, _edge(view, outline), begin or edge_fit)
 
 
 def _grazing(behind: Behind, config: CentreConfig) -> Array:

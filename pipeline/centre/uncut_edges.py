@@ -1,8 +1,10 @@
-"""Straight edges of a target that no crop of the scan can have cut.
+"""Edges of a target that no crop of the scan can have cut.
 
 Where a scan, or its crop, ends across a plate, the points end in a straight line as they do at an
 edge, but nothing lies beyond. An edge is held for one where a background lies beyond it, or where
-it and the opposite one end alike: a crop hardly ever leaves just the stated size.
+it and the opposite one end alike: a crop hardly ever leaves just the stated size. A round crop,
+drawn along the plane's normal about a disc, ends target and background at one place, whereas beams
+that pass an edge meet the background elsewhere.
 """
 
 from __future__ import annotations
@@ -16,6 +18,8 @@ from .outline_fit import EROSION_M, SECTORS, ends_m
 
 BEYOND_M = 0.005  # outside the edge, where points show a background
 ALIKE = 0.98  # cosine between edges that face alike
+# Of a round edge; points beyond one that show it whole; that a crop cuts; share that is all of it.
+ARCS, LEAST_BEYOND, LEAST_ARCS, NEARLY_ALL = 24, 2, 3, 0.9
 LEAST_ALONG = 1.0 / 3.0  # of the sectors of edges that face alike, in which points have to show it
 
 
@@ -49,6 +53,31 @@ def uncut_sectors(
     alike = np.abs(of_side - of_backed) < EROSION_M + 0.5 * spacing_m
     held: Mask = backed | (alike & _mostly(opposite, alike))
     return None if held.all() else held
+
+
+def uncut_arcs(
+    near: Array, outline: Outline, centre: Array, band_m: float, spacing_m: float
+) -> Mask | None:
+    """Return the sectors (SECTORS,) of a round edge that no crop can have cut; None: all.
+
+    Arcs with nothing beyond them, at any depth, are cut where in most of them, of those that have a
+    background, this ends where the target does; in some, where nothing is beyond any arc.
+    As of `uncut_sectors`; centre: (2,) of the outline.
+    """
+    closest = outline.closest(near[:, :2] - centre)
+    arc, x_m = sector(closest.share, ARCS), closest.x_m
+    empty = np.bincount(arc[x_m > BEYOND_M], minlength=ARCS) < LEAST_BEYOND
+    target, behind = np.abs(near[:, 2]) < band_m, near[:, 2] < -2.0 * band_m
+    ends = np.full((2, ARCS), -np.inf)
+    for end, rows in zip(ends, (target, behind), strict=True):
+        np.maximum.at(end, arc[rows], x_m[rows])
+    shown = empty & np.isfinite(ends).all(axis=0)
+    apart_m = np.abs(ends[0, shown] - ends[1, shown])
+    together = np.count_nonzero(apart_m < EROSION_M + 0.5 * spacing_m)
+    most = together > np.count_nonzero(shown) / 2.0 or float(np.mean(empty)) > NEARLY_ALL
+    if together < LEAST_ARCS or not most:
+        return None
+    return np.repeat(~empty, SECTORS // ARCS)
 
 
 def in_sectors(kept: Mask, plane: Array, depth: Array, outline: Outline, state: Array) -> Mask:

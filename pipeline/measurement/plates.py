@@ -17,7 +17,8 @@ PULLED, CONTRADICTED = 5.0, 5.0  # standard deviations of one scan, and of all t
 THICKNESS = (
     "By its mixed pixels, the target's edge is {seen} mm thick, its file says {stated} mm: "
     "{names}. The centre is by the former; correct the thickness in the target's file, or omit it; "
-    "a wrong chamfer or edge_radius in it looks the same."
+    "a wrong size, chamfer or edge_radius in it looks the same, and so does a wider plate behind "
+    "it."
 )
 SIZES = {
     "larger": (

@@ -75,6 +75,58 @@ def test_each_edge_alone_gives_the_centre(name):
         assert np.hypot(*off) < min(4.0 * u + 2e-5, 2e-4)
 
 
+def through_circle(cloud, radius_m, aside_m=0.0):
+    """What is left of a scan that was cut by a circle, drawn along the target's normal."""
+    u, v, _ = cloud.in_target(cloud.points_m).T
+    kept = np.hypot(u - aside_m, v) < radius_m
+    light = None if cloud.intensity is None else cloud.intensity[kept]
+    return replace(
+        cloud, points_m=cloud.points_m[kept], on_face=cloud.on_face[kept], intensity=light
+    )
+
+
+@pytest.mark.parametrize(
+    ("inside_m", "aside_m"), [(0.001, 0.0), (0.003, 0.0), (0.002, 0.001), (0.0, 0.003)]
+)
+def test_a_round_crop_that_cuts_a_disc_leaves_its_centre_in_doubt(inside_m, aside_m):
+    """Of its edge was left what the far side shows: up to 2 mm off at u 0.1 mm."""
+    target = load_target("disc-250")
+    for seed in range(3):
+        whole = make(setup_of(target, PLAIN).but(noise_m=8e-4, incidence_deg=12.0), seed)
+        cloud = through_circle(whole, target.radius_m - inside_m, aside_m)
+        patch = patch_of(cloud, target, seed)
+        view = TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
+        found = centre_by_edge(view, target.edge)
+        assert found.edge_fit is None
+        u = np.sqrt(np.trace(found.estimate.covariance_m2) / 2.0)
+        assert np.hypot(*error_m(cloud, view, found.estimate)) < 3.0 * u
+        assert u > OUTLINE_EDGE_M
+
+
+def test_a_round_crop_beyond_a_disc_leaves_its_edge():
+    target = load_target("disc-250")
+    whole = make(setup_of(target, PLAIN).but(incidence_deg=12.0), 0)
+    patch = patch_of(through_circle(whole, target.radius_m + 0.02), target)
+    view = TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
+    found = centre_by_edge(view, target.edge)
+    off = error_m(whole, view, found.estimate)
+    u = np.sqrt(np.trace(found.estimate.covariance_m2) / 2.0)
+    assert found.edge_fit is not None
+    assert np.hypot(*off) < 4.0 * u < 4e-4
+
+
+def test_a_crop_that_cuts_a_disc_on_one_side_leaves_the_other_arcs():
+    """Of a crop as wide as the disc is, 12 mm aside: what lies beyond shows a third of the edge."""
+    target = load_target("disc-250")
+    whole = make(setup_of(target, PLAIN).but(incidence_deg=12.0), 1)
+    cloud = through_circle(whole, target.radius_m + 0.006, 0.012)
+    patch = patch_of(cloud, target)
+    view = TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
+    found = centre_by_edge(view, target.edge)
+    u = np.sqrt(np.trace(found.estimate.covariance_m2) / 2.0)
+    assert np.hypot(*error_m(cloud, view, found.estimate)) < 3.0 * u
+
+
 @pytest.mark.parametrize(
     ("growth_m", "other_m", "explains", "settles", "taken"),
     [

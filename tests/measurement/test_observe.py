@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -14,7 +16,7 @@ from wheelplane.capture import Capture, ScanEntry
 from wheelplane.centre import TargetFit
 from wheelplane.config import Config, InstrumentConfig
 from wheelplane.errors import InputError, NotMeasuredError
-from wheelplane.measure import fit_target
+from wheelplane.measure import check_flat, fit_target
 from wheelplane.measurement.observe import NOISY, noisy, not_printed, observe_entries
 from wheelplane.measurement.plates import not_as_thick
 from wheelplane.measurement.records import Evidence
@@ -177,3 +179,11 @@ def test_a_thickness_that_the_edges_contradict_is_noted_with_what_they_show(scan
         "By its mixed pixels, the target's edge is 3.1 mm thick, its file says 10 mm: RR, RL, FL. "
     )
     assert not list(not_as_thick([replace(found[0], evidence=None), found[2]]))
+
+
+def test_what_shows_no_tilt_is_no_target():
+    """Mixed pixels that passed for a disc were a trial of 53 degrees of camber, at u 3 degrees."""
+    for u_deg, is_target in ((0.3, True), (3.0, False)):
+        covariance = np.diag([math.radians(u_deg) ** 2, 1e-9, 0.0])
+        with nullcontext() if is_target else pytest.raises(NotMeasuredError, match="tilt is known"):
+            check_flat(SimpleNamespace(normal_covariance=covariance), DISC)

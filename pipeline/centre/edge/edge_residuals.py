@@ -497,7 +497,8 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
     standard deviations of that; without what all share, which is the reflectance ratio. The method
     of moments for random effects: with the information A of K zones,
     E(pull' A^-1 pull) = K s^2 + sigma^2 tr A.
-    0 without a point. Source: DerSimonian and Laird, Controlled Clinical Trials 7 (1986) 177.
+    0 without a point, or where no zone shows any. Source: DerSimonian and Laird, Controlled
+    Clinical Trials 7 (1986) 177.
     """
     used = float(np.count_nonzero(linear.weight))
     if used == 0.0:
@@ -510,6 +511,8 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
     information = weighted @ linear.slopes + np.diag(prior.weight)
     cross = cross[:, seen]
     own_seen = np.diag(shown[seen]) - cross.T @ np.linalg.solve(information, cross)
+    if not np.trace(own_seen) > 0.0:
+        return 0.0
     scale = np.sqrt(shown[seen])
     left, axes = np.linalg.eigh(own_seen / np.outer(scale, scale))
     kept = left > RANK
