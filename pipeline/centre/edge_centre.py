@@ -12,8 +12,8 @@ from ..config import CentreConfig
 from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
 from ..system import frozen
-from ..targets import Holes, Outline, Polygon, sector
-from ..vectors import Array, turned
+from ..targets import Holes, Outline, Polygon
+from ..vectors import Array
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
 from .edge.beams import CENTRE, INVERSE, PARALLEL, ROTATION, Prior
@@ -48,7 +48,7 @@ from .outline_fit import (
     place_circle,
 )
 from .target_view import TargetView
-from .uncut_edges import BEYOND_M, in_sectors, uncut_arcs, uncut_sectors
+from .uncut_edges import empty_arcs, in_sectors, uncut_arcs, uncut_sectors
 
 # Logs of the thickness between two edges of one plate, from which the second is doubtful, or none:
 # three and eight times what is known beforehand. Something before the background, just beyond the
@@ -77,8 +77,6 @@ FULL_SLOPE = 0.5  # of the beams, from which a whole radius of the footprint mee
 # Of the spacing: half the difference of two edges that rows of points run along, each of whose last
 # rows lies anywhere within a spacing of it: 1 / sqrt(24).
 ROWS = 0.2
-# In how many sectors, and how many in each, points beyond show that no crop ended the target.
-BEYOND_SECTORS, LEAST_BEYOND = 24, 2
 LEAST_ARC = 0.4  # of a round edge, not cut by a crop, to be fitted alone
 BY_SPACING = 0.1  # of the spacing: how far inside the edge the outermost points may lie all round
 OFF_INVERSE = 0.45  # 1/m, from the distance that a fit begins at: one and a half of its prior
@@ -289,10 +287,7 @@ def _cut_m(view: TargetView, near: Array, outline: Outline, fitted: OutlineFit) 
     kept = uncut_arcs(near, outline, fitted.centre_m, view.band_m, view.spacing_m)
     if kept is None and not fitted.is_uneven:
         return 0.0
-    closest = outline.closest(turned(near[:, :2] - fitted.centre_m, -fitted.rotation_rad))
-    beyond = sector(closest.share[closest.x_m > BEYOND_M], BEYOND_SECTORS)
-    count = np.bincount(beyond, minlength=BEYOND_SECTORS)
-    empty = float(np.mean(count < LEAST_BEYOND))
+    empty = float(np.mean(empty_arcs(near, outline, fitted.centre_m)))
     return empty * max(-fitted.growth_m - BY_SPACING * view.spacing_m, 0.0)
 
 

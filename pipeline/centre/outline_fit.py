@@ -186,14 +186,14 @@ def check_outline(
     return True
 
 
-def ends_m(x_m: Array, part: npt.NDArray[np.int64]) -> Array:
-    """Return how far out the points x_m (N,) of each sector reach (SECTORS,); -inf without any.
+def ends_m(x_m: Array, part: npt.NDArray[np.int64], count: int = SECTORS) -> Array:
+    """Return how far out the points x_m (N,) of each of `count` sectors reach; -inf without any.
 
     But for one in STRAYS: of millions of points, some that belong to nothing lie in the plane.
     """
     order = np.argsort(part.astype(np.uint8), kind="stable")
-    starts = np.searchsorted(part[order], np.arange(1, SECTORS))
-    ends = np.full(SECTORS, -np.inf)
+    starts = np.searchsorted(part[order], np.arange(1, count))
+    ends = np.full(count, -np.inf)
     for k, rows in enumerate(np.split(order, starts)):
         if len(rows):
             last = len(rows) - 1 - len(rows) // STRAYS

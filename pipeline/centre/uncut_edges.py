@@ -64,13 +64,13 @@ def uncut_arcs(
     background, this ends where the target does; in some, where nothing is beyond any arc.
     As of `uncut_sectors`; centre: (2,) of the outline.
     """
+    empty = empty_arcs(near, outline, centre)
+    if np.count_nonzero(empty) < LEAST_ARCS:
+        return None
     closest = outline.closest(near[:, :2] - centre)
     arc, x_m = sector(closest.share, ARCS), closest.x_m
-    empty = np.bincount(arc[x_m > BEYOND_M], minlength=ARCS) < LEAST_BEYOND
     target, behind = np.abs(near[:, 2]) < band_m, near[:, 2] < -2.0 * band_m
-    ends = np.full((2, ARCS), -np.inf)
-    for end, rows in zip(ends, (target, behind), strict=True):
-        np.maximum.at(end, arc[rows], x_m[rows])
+    ends = np.stack([ends_m(x_m[rows], arc[rows], ARCS) for rows in (target, behind)])
     shown = empty & np.isfinite(ends).all(axis=0)
     apart_m = np.abs(ends[0, shown] - ends[1, shown])
     together = np.count_nonzero(apart_m < EROSION_M + 0.5 * spacing_m)
@@ -78,6 +78,13 @@ def uncut_arcs(
     if together < LEAST_ARCS or not most:
         return None
     return np.repeat(~empty, SECTORS // ARCS)
+
+
+def empty_arcs(near: Array, outline: Outline, centre: Array) -> Mask:
+    """Return the arcs (ARCS,) of a round edge beyond which no points lie, at any depth."""
+    closest = outline.closest(near[:, :2] - centre)
+    beyond = sector(closest.share[closest.x_m > BEYOND_M], ARCS)
+    return np.asarray(np.bincount(beyond, minlength=ARCS) < LEAST_BEYOND)
 
 
 def in_sectors(kept: Mask, plane: Array, depth: Array, outline: Outline, state: Array) -> Mask:

@@ -230,9 +230,8 @@ def test_the_state_is_what_the_fit_says():
     outline, points, _ = scanned("disc")
     found = fitted(outline, points)
     np.testing.assert_array_equal(found.state[CENTRE], found.centre_m)
-    again = fit_edge(
-        points, EdgeToFit(outline, 0.01, 0.0003, CONFIG), found
-    )  # as another edge's fit
+    edge = EdgeToFit(outline, 0.01, 0.0003, CONFIG)
+    again = fit_edge(points, edge, found)  # as another edge's fit
     np.testing.assert_allclose(again.centre_m, found.centre_m, atol=1e-5)
 
 
