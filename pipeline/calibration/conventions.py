@@ -1,4 +1,4 @@
-"""Check of the declared axis, sign and definition: do the readings fit another one far better?"""
+"""Check of declared axis, sign, unit and column: do the readings fit another far better?"""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..errors import Wording
 from ..measurement import Estimate
 from ..vectors import Array
 from ..vehicle import AXES
-from .forms.item import Item, ItemQuantity
-from .forms.quantities import QUANTITIES
+from .forms.item import Item
+from .forms.quantities import QUANTITIES, as_shown, read_as
 from .forms.readings import Reading
 from .records import QuantityResult
 from .reference import Reference, reference_of
@@ -23,7 +23,13 @@ FITS_OTHER = (
 )
 OTHER_SIGN = 'the opposite sign, positive = "{sense}",'
 OTHER_AXIS = 'another axis, axis = "{axis}",'
+OTHER_UNIT = "another unit, {unit} instead of {stated},"
+OTHER_QUANTITY = "another quantity, {other},"
+SIGN_OF_ONE_SIDE = "the opposite sign at {points}, on one side of the vehicle,"
 FAR_BETTER = 3.0  # ratio of root mean squares, and least size of that of the declared one in u
+LEAST_OF_SIDE = 2  # points on one side, of which a sign of their own is no slip at one point
+PLAIN_UNITS = {"rad": ("deg", "min"), "m": ("mm", "m")}  # that are taken for each other
+Read = Sequence[tuple[Reference, Array]]  # references, and mean readings (P,) of their series
 
 
 def convention_warnings(
@@ -40,18 +46,21 @@ def convention_warnings(
     """
     found = []
     for result in results:
-        kind, read = result.quantity, _by_reference(result, references, rows)
-        declared = _errors(read, result, item)
-        assert declared is not None  # the results are of them
+        kind = result.quantity
+        own = [o for o in rows if (o.quantity, o.state) == (kind, result.state)]
+        read = _by_reference(result, references, own)
+        known = _known(read, result, item, kind)
+        assert known is not None  # the results are of them
+        shown = np.column_stack([shown for _, shown in read])
+        declared = shown - known
         one_of_all = len(read) == 1
         of_points = [p.error.u if one_of_all else p.reference.u for p in result.points]
         typical = float(np.median(of_points))
         best: tuple[float, Wording] | None = None
-        for words, other in _others(kind, item.declared()[kind]):
-            errors = _errors(read, result, item.model_copy(update={kind: other}))
-            if errors is not None and _fits_far_better(errors, declared, typical):
+        for words, errors in _others(shown, known, read, result, item, own):
+            if _fits_far_better(errors, declared, typical):
                 size = _rms(errors)
-                best = (size, words) if best is None else min(best, (size, words))
+                best = (size, words) if best is None or size < best[0] else best
         if best is not None:
             text = Wording(
                 FITS_OTHER,
@@ -66,15 +75,14 @@ def convention_warnings(
 
 
 def _by_reference(
-    result: QuantityResult, references: Sequence[Reference], rows: Sequence[Reading]
-) -> list[tuple[Reference, Array]]:
+    result: QuantityResult, references: Sequence[Reference], own: Sequence[Reading]
+) -> Read:
     """Return each reference of a result with the mean readings (P,) of the series that it is of.
 
     Of several references, each series is compared with its own: by a wrong convention, errors
     against unlike ones scatter from series to series, and so does their u, by which a wrong one
     would seem as good as the right one.
     """
-    own = [o for o in rows if (o.quantity, o.state) == (result.quantity, result.state)]
     used = {one.series: reference_of(references, one.series) for one in own}
     known = {series: one for series, one in used.items() if one is not None}
     if len({id(one.measurement) for one in known.values()}) == 1:
@@ -94,32 +102,71 @@ def _by_reference(
     ]
 
 
-def _errors(
-    read: Sequence[tuple[Reference, Array]], result: QuantityResult, item: Item
-) -> Array | None:
-    """Return the errors (P, R) by an item's convention; None where it has no reference value."""
+def _known(read: Read, result: QuantityResult, item: Item, kind: str) -> Array | None:
+    """Return reference values (P, R) of a quantity of an item; None where one is missing."""
     found = []
-    for reference, shown in read:
-        values = [reference.value(result.quantity, p.point, item) for p in result.points]
+    for reference, _ in read:
+        values = [reference.value(kind, point.point, item) for point in result.points]
         known = [one.value for one in values if isinstance(one, Estimate)]
         if len(known) < len(values):
             return None
-        found.append(shown - np.array(known))
-    return np.column_stack(found)
+        found.append(known)
+    return np.array(found).T
 
 
-def _others(kind: str, stated: ItemQuantity) -> Iterator[tuple[Wording, ItemQuantity]]:
-    """Return the other conventions in words, and the table that would declare them."""
+def _others(
+    shown: Array,
+    known: Array,
+    read: Read,
+    result: QuantityResult,
+    item: Item,
+    own: Sequence[Reading],
+) -> Iterator[tuple[Wording, Array]]:
+    """Yield other conventions in words, and the errors (P, R) by them."""
+    for words, kind, table in _other_tables(result.quantity, item):
+        other = _known(read, result, table, kind)
+        if other is not None:
+            yield words, shown - other
+    for words, otherwise in _other_readings(shown, read, result, item, own):
+        yield words, otherwise - known
+
+
+def _other_tables(kind: str, item: Item) -> Iterator[tuple[Wording, str, Item]]:
+    """Yield what else the item file may declare, or the column name, with quantity and item."""
+    stated = item.declared()[kind]
     for sense in QUANTITIES[kind].signs:
         if stated.positive is not None and sense != stated.positive:
-            yield Wording(OTHER_SIGN, sense=sense), _with(stated, positive=sense)
+            other = item.model_copy(update={kind: stated.model_copy(update={"positive": sense})})
+            yield Wording(OTHER_SIGN, sense=sense), kind, other
     for axis in AXES:
         if stated.axis is not None and axis != stated.axis:
-            yield Wording(OTHER_AXIS, axis=axis), _with(stated, axis=axis)
+            other = item.model_copy(update={kind: stated.model_copy(update={"axis": axis})})
+            yield Wording(OTHER_AXIS, axis=axis), kind, other
+    for name in item.declared():
+        if name != kind and QUANTITIES[name].unit == QUANTITIES[kind].unit:
+            yield Wording(OTHER_QUANTITY, other=name), name, item
 
 
-def _with(stated: ItemQuantity, **changed: str) -> ItemQuantity:
-    return stated.model_copy(update=changed)
+def _other_readings(
+    shown: Array, read: Read, result: QuantityResult, item: Item, own: Sequence[Reading]
+) -> Iterator[tuple[Wording, Array]]:
+    """Yield readings (P, R) as they would be in another unit, or with another sign on one side."""
+    quantity = QUANTITIES[result.quantity]
+    stated, *unlike = {one.unit for one in own}
+    for unit in () if unlike else PLAIN_UNITS[quantity.unit]:
+        if unit != stated:
+            numbers = [as_shown(value, stated, quantity, item.rim_m) for value in shown.flat]
+            found = [read_as(number, unit, quantity, item.rim_m) for number in numbers]
+            yield Wording(OTHER_UNIT, unit=unit, stated=stated), np.reshape(found, shown.shape)
+    if quantity.subject == "wheel":
+        names = [point.point for point in result.points]
+        sides = np.array([str(read[0][0].wheels[name].wheel)[-1] for name in names])
+        for side in ("L", "R"):
+            on_it = sides == side
+            if LEAST_OF_SIDE <= np.count_nonzero(on_it) < len(sides):
+                points = ", ".join(np.array(names)[on_it].tolist())
+                turned = np.where(on_it[:, None], -shown, shown)
+                yield Wording(SIGN_OF_ONE_SIDE, points=points), turned
 
 
 def _fits_far_better(other: Array, declared: Array, u: float) -> bool:

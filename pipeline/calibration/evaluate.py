@@ -21,6 +21,7 @@ from ..measurement import (
     estimate,
 )
 from ..uncertainty import Effect, effective_dof
+from ..vectors import Array
 from .forms.item import UPRIGHT, DecisionRule, Item
 from .forms.quantities import QUANTITIES, as_shown
 from .forms.readings import Reading
@@ -95,8 +96,7 @@ def evaluate_quantity(
     values = _reference_values(points, levels, references, item, kind)
     of_levels = np.array([[one.value for one in level] for level in values]).T
     resolution = item.resolution(kind)
-    shown = _step_of(readings, resolution, item.rim_m)
-    coarser = shown if shown > COARSER * resolution else None
+    coarser, finer = _steps(readings, resolution, item.rim_m)
     resolution = resolution if coarser is None else coarser
     scatter = scatter_of(cells, of_levels, resolution, factors_of(levels))
     known, budget = _references(values, levels, scatter, resolution)
@@ -174,32 +174,42 @@ def evaluate_quantity(
             p for p in points if any(one and one.in_place(kind, p, item) for one in used)
         ),
         coarser=coarser,
+        finer=finer,
         left_out=tuple(name for i, name in enumerate(points) if i not in sound),
     )
 
 
-def _step_of(readings: Sequence[Reading], resolution: float, rim_m: float | None) -> float:
-    """Return the step of which all readings are multiples, if chance does not explain it; else 0.
+def _steps(
+    readings: Sequence[Reading], resolution: float, rim_m: float | None
+) -> tuple[float | None, float | None]:
+    """Return the step of readings where it contradicts the resolution: coarser, and finer.
 
-    1, 2 or 5 of a decimal place of their unit, of degrees, minutes or seconds where it is written
-    in these; radians or metres. A reading in steps of the resolution is one of a step that is n
-    times longer once in n; the same value again says nothing.
+    The longest of which all are multiples: 1, 2 or 5 of a decimal place of their unit, of degrees,
+    minutes or seconds where it is written in these; radians or metres. A reading in steps of the
+    resolution is one of a step that is n times longer once in n, so that a coarser one is where
+    chance does not explain it; the same value again says nothing.
     """
     units = {one.unit for one in readings}
     if len(units) > 1:
-        return 0.0
+        return None, None
     unit, quantity = units.pop(), QUANTITIES[readings[0].quantity]
     shown = [as_shown(one.value, unit, quantity, rim_m) for one in readings]
     values = np.unique(np.round(np.array(shown), FIGURES))
     scale = SMALL / as_shown(SMALL, unit, quantity, rim_m)
     sizes = itertools.product(PARTS_OF.get(unit, (1.0,)), range(2, -7, -1), (5.0, 2.0, 1.0))
-    for step in sorted((part * first * 10.0**place for part, place, first in sizes), reverse=True):
-        steps = values / step
-        if not np.abs(steps - np.rint(steps)).max() < 1e-6 + 1e-9 * np.abs(steps).max():
-            continue
-        chance = (resolution / (scale * step)) ** len(values)
-        return scale * step if chance < BY_CHANCE and len(values) >= ENOUGH else 0.0
-    return 0.0
+    steps = sorted((part * first * 10.0**place for part, place, first in sizes), reverse=True)
+    step = scale * next((one for one in steps if _are_multiples(values, one)), 0.0)
+    if step > COARSER * resolution:
+        chance = (resolution / step) ** len(values)
+        return (step if chance < BY_CHANCE and len(values) >= ENOUGH else None), None
+    is_finer = 0.0 < step < resolution and not _are_multiples(values, resolution / scale)
+    return None, step if is_finer else None
+
+
+def _are_multiples(values: Array, step: float) -> bool:
+    steps = values / step
+    off = float(np.abs(steps - np.rint(steps)).max())
+    return off < 1e-6 + 1e-9 * float(np.abs(steps).max())
 
 
 def _vertical(

@@ -103,8 +103,9 @@ class QuantityResult:
     that count from the thrust line, which is that with the trial in its wheel's place. unread:
     wheels and trials of the references without a reading in this state, and points that were read
     as found but not as left. coarser: step of all readings, which counts as their resolution where
-    it is coarser than the declared one. left_out: points in doubt, by which characteristic,
-    hysteresis and gauge_rr are not moved; none where all are in doubt. notes: sentences.
+    it is coarser than the declared one; finer: where that is coarser, and they no multiples of it.
+    left_out: points in doubt, by which characteristic, hysteresis and gauge_rr are not moved; none
+    where all are in doubt. notes: sentences.
     """
 
     quantity: str
@@ -124,6 +125,7 @@ class QuantityResult:
     in_place: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
     coarser: float | None = None
+    finer: float | None = None
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 

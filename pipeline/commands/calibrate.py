@@ -220,7 +220,7 @@ def calibrate(
     wheelplane calibrate bay --item forms/item.toml --readings forms/readings.csv -o results
 
     Exits with 1 unless every point with a maximum permissible error is conforming, or where
-    readings fit another axis or sign than the declared one far better.
+    readings fit another axis, sign, unit or quantity than the declared one far better.
     """  # noqa: D301 - click's mark for lines as they stand is a backspace
     opening = Opening(
         five_point=five_point,

@@ -65,3 +65,44 @@ def test_readings_are_compared_with_the_references_of_their_own_series(state):
     assert all('the opposite sign, positive = "toe-in",' in text for text in found)
     right = item_of(machine())
     assert calibrate(references, right, both).warnings == ()
+
+
+def otherwise(readings, change):
+    """The same readings, changed one by one."""
+    return replace(readings, rows=tuple(change(one) for one in readings.rows))
+
+
+def warned(bay, tested, change):
+    found = calibrate([bay.reference()], item_of(tested), otherwise(bay.readings(tested), change))
+    return found.warnings
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("side", ["L", "R"])
+def test_a_sign_that_is_wrong_on_one_side_is_named_with_its_points(seed, side):
+    bay = Bay(seed=seed)
+    own = [w["name"] for w in bay.truth["wheels"] if w["wheel"][1] == side]
+    (text,) = warned(
+        bay, machine(), lambda one: replace(one, value=one.value * (1 - 2 * (one.point in own)))
+    )
+    assert f"the opposite sign at {', '.join(own)}, on one side of the vehicle" in text
+
+
+@pytest.mark.parametrize(("unit", "meant", "factor"), [("min", "deg", 60), ("deg", "min", 1 / 60)])
+def test_a_unit_that_was_taken_for_another_is_named(unit, meant, factor):
+    """Degrees in a column of minutes: 0.25 of a degree is read as a quarter of a minute."""
+    (text,) = warned(
+        Bay(seed=3), machine(), lambda one: replace(one, value=one.value / factor, unit=unit)
+    )
+    assert f"another unit, {meant} instead of {unit}," in text
+
+
+def test_columns_that_were_exchanged_are_named():
+    kinds = {"toe": "camber", "camber": "toe"}
+    found = warned(
+        Bay(seed=4), machine(camber=CAMBER), lambda one: replace(one, quantity=kinds[one.quantity])
+    )
+    assert ["another quantity, camber," in found[0], "another quantity, toe," in found[1]] == [
+        True,
+        True,
+    ]

@@ -290,6 +290,31 @@ def test_steps_are_found_in_whatever_unit_the_machine_indicates(unit, step, decl
     assert shares[0] == pytest.approx(read(step) / math.sqrt(12.0), rel=0.25)
 
 
+@pytest.mark.parametrize(
+    ("unit", "step", "declared", "finer"),
+    [("deg", 0.01, "1°", 0.01), ("deg", 0.01, "0.02°", 0.01), ("deg", 0.25, "0.25°", None),
+     ("min", 0.3, "0.005°", None), ("mm", 0.05, "1 mm", 0.05)],
+)  # fmt: skip
+def test_readings_finer_than_the_resolution_are_named_and_the_resolution_counts(
+    unit, step, declared, finer
+):
+    """A resolution of 1 degree, and readings of 0.23: one of both is wrong; 0.25 is of steps."""
+    bay, tested = Bay(seed=12), machine(toe=changed(TOE, resolution=0.001))
+    item, sound = item_of(tested), bay.readings(tested)
+    toe = item.item.toe.model_copy(update={"resolution": declared})
+    named = item.item.model_copy(update={"rim": "16in", "toe": toe})
+    write, read = (WRITTEN | {"min": (minutes, lambda x: math.radians(x / 60.0))})[unit]
+    rows = tuple(
+        replace(one, value=read(round(float(write(one.value)) / step) * step), unit=unit)
+        for one in sound.rows
+    )
+    item = item.model_copy(update={"item": named})
+    (result,) = calibrate([bay.reference()], item, replace(sound, rows=rows)).results
+    assert result.finer == (None if finer is None else pytest.approx(read(finer), rel=1e-5))
+    assert result.coarser is None
+    assert result.points[0].resolution == pytest.approx(named.resolution("toe"))
+
+
 def test_the_same_value_again_and_again_shows_no_step():
     """A steady machine at one point reads 0.10 ten times, and 0.10 is no multiple of 0.1 alone."""
     bay, tested = Bay(seed=12), machine(toe=None, thrust_angle=changed(TOE, positive="right"))

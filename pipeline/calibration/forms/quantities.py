@@ -8,6 +8,7 @@ from typing import Literal
 
 from ...measurement import Value, angle_rad
 from ...system import frozen
+from ...units import in_metres
 from ...vehicle import Unit
 
 Subject = Literal["wheel", "axle", "vehicle", "turn"]
@@ -102,3 +103,16 @@ def as_shown(value: float, unit: str, quantity: MachineQuantity, rim_m: float | 
         across_m = quantity.wheels_at_rim * rim_m
         return 1e3 * across_m * math.sin(value / quantity.wheels_at_rim)
     return math.degrees(value) * PER_DEGREE[unit]
+
+
+def read_as(number: float, unit: str, quantity: MachineQuantity, rim_m: float | None) -> float:
+    """Return the number that a machine indicates in a unit in radians or metres; dms in seconds.
+
+    Inverse of `as_shown`. Raises ValueError for mm of toe without a rim, or of more than it has.
+    """
+    if quantity.unit == "m":
+        return in_metres(number, unit)
+    if unit in ("mm", "mm/m"):
+        value = Value(number / 1e3, "m") if unit == "mm" else Value(number, "mm/m")
+        return indicated(value, quantity, rim_m)
+    return math.radians(number / PER_DEGREE[unit])

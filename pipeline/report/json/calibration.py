@@ -119,7 +119,7 @@ def _quantity(result: QuantityResult) -> dict[str, Any]:
         "thrust_line_by_trial": list(result.in_place),
         "unread": list(result.unread),
         "left_out": list(result.left_out),
-        **_of("resolution_shown", result.coarser, unit),
+        **_of("resolution_shown", result.coarser or result.finer, unit),
         "notes": list(result.notes),
     }
 

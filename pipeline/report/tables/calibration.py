@@ -206,6 +206,8 @@ def remarks(result: QuantityResult, writer: Writer) -> list[str]:
     lines = []
     if result.coarser is not None:
         lines.append(words("calibration.coarser", step=writer.size(result.coarser, result.unit)))
+    if result.finer is not None:
+        lines.append(words("calibration.finer", step=writer.size(result.finer, result.unit)))
     for key, names in (("left_out", result.left_out), ("unread", result.unread)):
         if names:
             points = ", ".join(point_name(one, result.quantity, words) for one in names)
