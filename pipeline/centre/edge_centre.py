@@ -13,6 +13,7 @@ from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
 from ..system import frozen
 from ..targets import Holes, Outline, Polygon
+from ..targets.outline import Circle
 from ..vectors import Array
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
@@ -32,6 +33,8 @@ from .edge.mixed_pixel import EITHER, TAKEN_FOR
 from .edge.solution import AS_MUCH, EdgeFit, common_m2
 from .edge.stated_size import (
     SURE_MISFIT,
+    beside_m,
+    check_diameter,
     check_sides,
     check_size,
     explained_m,
@@ -45,6 +48,7 @@ from .outline_fit import (
     check_alone,
     check_outline,
     fit_outline,
+    middle_end_m,
     place_circle,
 )
 from .target_view import TargetView
@@ -72,7 +76,6 @@ MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre 
 # tolerated; proof of another shape.
 APART, WORST_APART = 3.0, 5.0
 WITH_INTENSITY = 5  # columns of points whose intensities are known
-BESIDE = 1.3  # radii of a footprint, beyond a clean edge, that still return the target
 FULL_SLOPE = 0.5  # of the beams, from which a whole radius of the footprint meets the wall
 # Of the spacing: half the difference of two edges that rows of points run along, each of whose last
 # rows lies anywhere within a spacing of it: 1 / sqrt(24).
@@ -236,10 +239,13 @@ def _by_edge(
             doubtful=thicker > DOUBTFUL,
         )
     slope = 1.0 if edge_fit is None else float(np.hypot(*edge_fit.beam))
-    beside_m = BESIDE * edge_fit.spot_m if edge_fit and edge_fit.is_clean else 0.0
-    noise_m = plane.sigma_m * slope
-    if not check_outline(face, outline, centre, rotation, view.spacing_m, noise_m, beside_m):
+    noise_m, shown_m = plane.sigma_m * slope, beside_m(edge_fit) if edge_fit else 0.0
+    if not check_outline(face, outline, centre, rotation, view.spacing_m, noise_m, shown_m):
         return None
+    if isinstance(outline, Circle) and (known or aim):
+        fit = partial(_by_mixed_pixels, view, start=start, near=near, begin=known or aim)
+        ends_m = middle_end_m(face, outline, centre)
+        check_diameter(edge_fit, outline, ends_m, config.spot_radius_m, fit)
     return EdgeCentre(estimate, rotation, edge_fit)
 
 

@@ -19,6 +19,7 @@ MAX_BEYOND, MAX_SHORT = 0.3, 0.2  # shares of the visible edge on which the targ
 BEYOND_M, SHORT_M = 0.0015, 0.003  # how far points may reach over the outline, or stop short of it
 MIN_DIRECTIONS = 0.02  # least information on one axis, of that on the other
 LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of the extreme points, on the circle; beyond it
+HIDDEN = 0.08  # of its size: farther inside an outline, something hides the edge
 STRAYS = 400  # points of a sector, of which one may lie anywhere
 OPPOSITE = 0.5  # of the edge that is reached beyond, as much opposite: of another size all round
 SHORT_ARC, MANY_OFF = 0.4, 0.2  # of the sectors; of their points, off the circle by SHORT_M
@@ -156,9 +157,8 @@ def check_outline(
     stop short of it. A target of another size reaches beyond on opposite sides alike; what adjoins
     it or hides one side does not. Raises NotMeasuredError 'wrong-outline'.
     """
-    closest = outline.closest(turned(face - centre, -rotation_rad))
-    outermost = ends_m(closest.x_m, sector(closest.share, SECTORS))
-    visible = outermost > -0.08 * outline.size_m
+    outermost = _ends_about_m(face, outline, centre, rotation_rad)
+    visible = outermost > -HIDDEN * outline.size_m
     if np.count_nonzero(visible) < SECTORS // 4:
         return False
     excess = outermost[visible]
@@ -184,6 +184,20 @@ def check_outline(
             f"{outline.description} on {np.mean(short):.0%} of it: check its sizes",
         )
     return True
+
+
+def middle_end_m(face: Array, outline: Outline, centre: Array) -> float:
+    """Return how far outside a round outline the points (N, 2) end, in the middle of its sectors.
+
+    Of those that are not hidden.
+    """
+    ends = _ends_about_m(face, outline, centre, 0.0)
+    return float(np.median(ends[ends > -HIDDEN * outline.size_m]))
+
+
+def _ends_about_m(face: Array, outline: Outline, centre: Array, rotation_rad: float) -> Array:
+    closest = outline.closest(turned(face - centre, -rotation_rad))
+    return ends_m(closest.x_m, sector(closest.share, SECTORS))
 
 
 def ends_m(x_m: Array, part: npt.NDArray[np.int64], count: int = SECTORS) -> Array:

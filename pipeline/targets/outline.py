@@ -150,6 +150,10 @@ class Circle:
     def stretch(self, share: Array) -> None:
         """Return None: it is turned, or drilled."""
 
+    def resized(self, by_m: float) -> Circle:
+        """Return it with a radius larger by that."""
+        return replace(self, radius_m=self.radius_m + by_m)
+
 
 @frozen
 class Polygon:

@@ -22,7 +22,7 @@ from wheelplane.capture.open_capture import open_capture
 from wheelplane.centre import edge_centre
 from wheelplane.centre.edge.beams import INVERSE, SIZE_M
 from wheelplane.centre.edge.fit_edge import EdgeToFit, fit_edge, square_on
-from wheelplane.centre.edge.stated_size import check_sides
+from wheelplane.centre.edge.stated_size import check_diameter, check_sides
 from wheelplane.centre.edge_centre import (
     DOUBTFUL,
     NEAR_INVERSE,
@@ -39,7 +39,7 @@ from wheelplane.config import CentreConfig, Config, PlaneConfig
 from wheelplane.errors import NotMeasuredError
 from wheelplane.measure import measure_capture
 from wheelplane.plane.fit_plane import fit_plane
-from wheelplane.targets.outline import rectangle
+from wheelplane.targets.outline import Circle, rectangle
 from wheelplane.targets.registry import load_target
 from wheelplane.vectors import turned
 from wheelplane_synth.output.archive import write_capture
@@ -480,6 +480,45 @@ def test_a_hole_square_to_the_beams_is_no_thinner_than_the_rim(tmp_path):
         off_m = off_m @ wheel.observation.evidence.plane.basis[:2].T
         u_m = np.sqrt(np.trace(fitted.centre_covariance_m2) / 2.0)
         assert np.hypot(*off_m) < 3.72 * u_m
+
+
+def explaining(explained, growth_m=0.0, *, clean=False, converged=True):
+    """An edge fit, as far as `check_diameter` looks at it."""
+    return types.SimpleNamespace(
+        explained=explained, growth_m=growth_m, is_clean=clean, converged=converged
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "ends_mm", "other", "refused_mm"),
+    [
+        (explaining(400.0), 1.7, explaining(500.0, 5e-4), 251),
+        (explaining(400.0), -0.1, explaining(500.0), None),
+        (explaining(400.0), 1.7, explaining(410.0), None),
+        (explaining(400.0), 1.7, explaining(500.0, converged=False), None),
+        (explaining(400.0), 1.7, None, None),
+        (explaining(400.0, converged=False), 1.7, explaining(300.0), 250),
+        (explaining(400.0, clean=True), 1.7, explaining(500.0), None),
+        (explaining(400.0, clean=True), 2.7, explaining(500.0), 252),
+        (explaining(400.0), 1.7, explaining(500.0, clean=True), None),
+        (None, 1.7, explaining(100.0), 250),
+    ],
+)
+def test_a_larger_circle_is_tried_where_points_end_outside(found, ends_mm, other, refused_mm):
+    """And the stated one is refused where it explains more: a right disc ends inside its edge."""
+    stated, tried = Circle(0.122), []
+
+    def fit(larger):
+        tried.append(larger.radius_m)
+        return other
+
+    wrong = contextlib.nullcontext()
+    if refused_mm is not None:
+        wrong = pytest.raises(NotMeasuredError, match=f"not 244 mm across, but about {refused_mm}")
+    with wrong:
+        check_diameter(found, stated, ends_mm / 1e3, 0.0015, fit)
+    least_mm = 1.7 * 1.5 if found is not None and found.is_clean else 0.0
+    assert tried == ([pytest.approx(0.122 + ends_mm / 1e3 + 0.0013)] if ends_mm > least_mm else [])
 
 
 @pytest.mark.parametrize(

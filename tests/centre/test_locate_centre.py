@@ -350,6 +350,16 @@ def test_wrong_size_is_refused_or_harmless(diameter):
     assert np.linalg.norm(error(cloud, fitted)) < 3.72 * u_of(cloud, fitted)
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("larger", [0.006, 0.008])
+def test_a_disc_several_mm_larger_than_stated_is_no_thinner_one(larger, seed):
+    """Parts of its edge were left out, and the others were taken for those of another plate."""
+    cloud = make(PLAIN.but(spacing_m=0.0025), seed)
+    with pytest.raises(NotMeasuredError) as refused:
+        fit(cloud.points_m, DiscTarget(shape="disc", diameter=0.25 - larger, thickness=0.01))
+    assert refused.value.status == "wrong-outline"
+
+
 def test_square_plate_is_no_disc():
     square = Sheet((0, 0, 0), half=(0.125, 0.125))
     cloud = make(PLAIN.but(radius_m=0.001, thickness_m=1e-4, extra=(square,)), 1)

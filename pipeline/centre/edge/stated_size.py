@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import NotMeasuredError
 from ...targets import Outline, Polygon
+from ...targets.outline import Circle
 from ...vectors import Array
 from .beams import SIZE_M, WRONG_SIZE, carry
 from .solution import EdgeFit, sides_at
@@ -32,6 +33,10 @@ WIDER_M, ABOUT_M, LEAST_OTHER_M = 1.2e-3, 2.5e-4 * np.arange(-3, 4), 2e-4
 # one from 0.25 on, but from 0.05 where it finds that share of a side or none pulls any more. The
 # same of a rough fit, from which the size is fitted: 0.01 and 0.3.
 MORE_EXPLAINED, MORE_IF_SEEN, WHOLE_SIDE, BY_CHANCE, MORE_AT_FIRST = 0.15, 0.02, 0.5, 20.0, 0.1
+# How far inside a round edge the points of a target end by its mixed pixels, and what a larger one
+# explains more. Of right discs they ended 0.6 mm inside or more, and up to 1.6 stated footprints
+# outside a clean edge, of which BESIDE fitted ones return the target and nothing else.
+ENDS_INSIDE_M, MORE_IF_LARGER, ENDS_BESIDE, BESIDE = 1.3e-3, 0.05, 1.7, 1.3
 
 
 def check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
@@ -58,6 +63,42 @@ def check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
             f"along {wide}, and smaller along {narrow}, than {outline.description}: check its "
             "width and height",
         )
+
+
+def check_diameter(
+    edge_fit: EdgeFit | None,
+    outline: Circle,
+    ends_m: float,
+    spot_m: float,
+    fit: Callable[[Circle], EdgeFit | None],
+) -> None:
+    """Raise NotMeasuredError 'wrong-outline' where a larger circle explains more.
+
+    Parts of an edge that lies outside the stated one contradict their background and are left out,
+    and the others move the centre, or look like those of a thinner plate; or few mixed pixels are
+    seen where they should be, and the edge looks like a clean one.
+    edge_fit: None where no fit explains the edge. ends_m: how far outside the outline the target's
+    points end. spot_m: as of `check_size`. fit: returns the fit of another outline.
+    """
+    if ends_m < (ENDS_BESIDE * spot_m if edge_fit is not None and edge_fit.is_clean else 0.0):
+        return
+    by_m = ends_m + ENDS_INSIDE_M
+    other = fit(outline.resized(by_m))
+    if other is None or other.is_clean or not other.converged:
+        return
+    explained = edge_fit.explained if edge_fit is not None and edge_fit.converged else 0.0
+    if other.explained - explained > max(MORE_IF_LARGER * explained, BY_CHANCE):
+        diameter_m = 2.0 * (outline.radius_m + by_m + other.growth_m)
+        raise NotMeasuredError(
+            "wrong-outline",
+            f"by the points about it, the target is not {outline.size_text}, but about "
+            f"{diameter_m * 1e3:.0f} mm: check its sizes and thickness",
+        )
+
+
+def beside_m(edge_fit: EdgeFit) -> float:
+    """Return how far beside an edge a footprint returns the target, and nothing else."""
+    return BESIDE * edge_fit.spot_m if edge_fit.is_clean else 0.0
 
 
 def check_sides(
