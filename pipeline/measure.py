@@ -38,6 +38,7 @@ from .measurement import (
     align,
     as_contradicted,
     broken,
+    by_outermost,
     contradicted_thickness,
     find_verticals,
     meshed,
@@ -101,6 +102,7 @@ def measure_capture(
         *rounded(observations),
         *thinned(observations),
         *spaced(observations),
+        *by_outermost(observations),
     ]
     noted += [*shaded(observations), *broken(observations)]
     noted += [*not_as_registered(observations), *not_printed(observations)]

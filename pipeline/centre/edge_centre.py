@@ -12,8 +12,7 @@ from ..config import CentreConfig
 from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
 from ..system import frozen
-from ..targets import Holes, Outline, Polygon
-from ..targets.outline import Circle
+from ..targets import Circle, Holes, Outline, Polygon
 from ..vectors import Array
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST

@@ -7,6 +7,7 @@ from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .observe import (
     Fit,
     broken,
+    by_outermost,
     find_searched,
     meshed,
     noisy,
@@ -126,6 +127,7 @@ __all__ = [
     "broken",
     "by_kind",
     "by_name",
+    "by_outermost",
     "check_by_monte_carlo",
     "conforms",
     "contradicted_thickness",

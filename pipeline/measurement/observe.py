@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ..capture import Capture, Hint, ScanEntry, Searched, searched
 from ..cloud import cloud_sample, over_items
 from ..config import Config, InstrumentConfig
@@ -46,6 +48,11 @@ MESHED = (
     "The points of {names} are the corners of a mesh: where it joins several views, it is smoother "
     "than they are, and by how much they were registered wrongly does not show in it, so u is too "
     "small; export the scanner's points."
+)
+OUTERMOST = (
+    "The centres of {names} are by the outermost points of their targets, with u of up to {u} mm: "
+    "no fit explains the edges, as where a crop cuts them, or nothing lies behind. Keep 20 mm "
+    "around each target in the scan, and what is behind it."
 )
 BROKEN = {
     "step": (
@@ -269,6 +276,16 @@ def spaced(observations: Sequence[Observation]) -> Iterator[str]:
 
     for size, names in _names_by(observations, distance):
         yield Wording(SPACED, names=names, distance=size)
+
+
+def by_outermost(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note on targets whose edges no fit explains, with the largest u of their centres."""
+    fitted = {one.name: one.evidence.target for one in observations if one.evidence is not None}
+    found = {name: target for name, target in fitted.items() if target.method == "outline"}
+    if found:
+        covariances = np.stack([target.centre_covariance_m2 for target in found.values()])
+        u_mm = 1e3 * math.sqrt(float(np.linalg.eigvalsh(covariances).max()))
+        yield Wording(OUTERMOST, names=", ".join(found), u=f"{u_mm:.2g}")
 
 
 def meshed(observations: Sequence[Observation]) -> Iterator[str]:

@@ -76,6 +76,25 @@ def test_a_value_is_read_in_its_unit(tmp_path, value, unit, angle_rad):
     assert (one.state, one.direction) == ("as found", "")
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("first", ["", "sep=;\r\n", "SEP=;\n"])
+def test_tables_are_read_as_spreadsheets_write_them(tmp_path, encoding, first):
+    """With the separator in a first line, and in UTF-16; rows keep their numbers in the file."""
+    text = first + HEAD.replace(",", ";") + "RR;toe;1,5;min;1;1;as found;\nRR;toe;x;min;1;2;;\n"
+    row = 3 + bool(first)
+    path = tmp_path / "r.csv"
+    path.write_bytes(text.encode(encoding))
+    with pytest.raises(FaultyTableError) as error:
+        read_readings(path, ITEM, known)
+    assert all(f"row {row}" in fault for fault in error.value.faults)
+    path.write_bytes(text.replace(";x;", ";2,5;").replace("2;;", "2;as found;").encode(encoding))
+    found = read_readings(path, ITEM, known).rows
+    assert [(one.value / MINUTE, one.row) for one in found] == [
+        (pytest.approx(1.5), row - 1),
+        (pytest.approx(2.5), row),
+    ]
+
+
 def test_a_form_refuses_repeats_in_the_words_of_the_calibration(tmp_path):
     """Two rows of one repeat, however its words are written, are one fault in both."""
     rows = ["RR,toe,1,min,1,1,as found,", "RR,toe,2,min,1,2,as found,",

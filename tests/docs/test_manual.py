@@ -400,7 +400,7 @@ NOTES = {
     "observe.py": (
         "noisy", "not_as_registered", "not_printed",
         "note_on_hint", "rounded", "thinned", "spaced", "shaded", "broken", "meshed",
-        "notes_on_copies",
+        "notes_on_copies", "by_outermost",
     ),
     "plates.py": ("not_as_large", "not_as_thick"),
     "plane.py": ("_coarse",),

@@ -17,7 +17,13 @@ from wheelplane.centre import TargetFit
 from wheelplane.config import Config, InstrumentConfig
 from wheelplane.errors import InputError, NotMeasuredError
 from wheelplane.measure import check_flat, fit_target
-from wheelplane.measurement.observe import NOISY, noisy, not_printed, observe_entries
+from wheelplane.measurement.observe import (
+    NOISY,
+    by_outermost,
+    noisy,
+    not_printed,
+    observe_entries,
+)
 from wheelplane.measurement.plates import not_as_thick
 from wheelplane.measurement.records import Evidence
 from wheelplane.targets.plates import DiscTarget
@@ -137,6 +143,20 @@ def test_noise_is_noted_beyond_the_stated_one(scan, factor):
 def test_without_stated_noise_nothing_is_noted(scan):
     found = observe(scan, fit_target)
     assert list(noisy([found], InstrumentConfig(range_sigma_m=None))) == []
+
+
+@pytest.mark.parametrize(("within_m", "noted"), [(0.122, True), (0.15, False)])
+def test_a_centre_by_the_outermost_points_is_noted_with_its_u(cloud, tmp_path, within_m, noted):
+    """Of a disc of 250 mm whose crop leaves nothing behind its edge; a wider one leaves enough."""
+    middle = np.asarray(cloud.centre_m)
+    across = cloud.points_m - middle
+    across = across - np.outer(across @ cloud.normal, cloud.normal)
+    np.save(tmp_path / "rl.npy", cloud.points_m[np.linalg.norm(across, axis=1) < within_m])
+    found = observe(tmp_path / "rl.npy", fit_target)
+    notes = list(by_outermost([found, observe(tmp_path / "rl.npy", not_measured, role="trial")]))
+    assert len(notes) == noted
+    u_mm = 1e3 * math.sqrt(np.linalg.eigvalsh(found.fitted.centre_covariance_m2)[-1])
+    assert all("of RL are" in note and f"up to {u_mm:.2g} mm" in note for note in notes)
 
 
 def test_a_lone_point_far_off_is_noted_and_changes_nothing(scan, cloud, tmp_path):

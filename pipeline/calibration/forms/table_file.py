@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import difflib
 import importlib
 import io
+import re
 import zipfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -20,6 +22,7 @@ MAX_BYTES, MAX_UNPACKED, MAX_ROWS, MAX_COLUMNS = 16 << 20, 256 << 20, 20_000, 25
 MAX_MERGED = 100_000  # cells; openpyxl makes an object of each
 MERGED = "{area} are merged: unmerge and fill in each cell"
 DELIMITERS = (";", ",", "\t")
+STATED_DELIMITER = re.compile("sep=([;,\t])\r?\n", re.IGNORECASE)  # as spreadsheets write it
 BEYOND = (
     "{value} stands beyond the heading: in a table separated by commas, put values with a decimal "
     "comma in quotes"
@@ -165,30 +168,37 @@ def _head(row: int, index: int, cell: AnyCell, faults: Faults) -> str:
 def _csv_cells(
     content: bytes, known: Sequence[str], faults: Faults
 ) -> list[tuple[int, list[AnyCell]]]:
+    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        text = content.decode("utf-8-sig")
+        text = content.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
             f"{faults.name}: not UTF-8 text ({fact_of(error)}): save it as CSV UTF-8, or as XLSX"
         ) from error
     if "\0" in text:
         raise InputError(f"{faults.name}: not text: save the table as CSV UTF-8, or as XLSX")
-    heading = next((line for line in text.splitlines() if line.strip(" ;,\t")), "")
-    fits = [
-        sum(part.strip(' "').casefold() in known for part in heading.split(d)) for d in DELIMITERS
-    ]
-    reader = csv.reader(
-        io.StringIO(text, newline=""), delimiter=DELIMITERS[fits.index(max(fits))], strict=True
-    )
+    stated = STATED_DELIMITER.match(text)
+    delimiter = stated[1] if stated else _delimiter(text, known)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
     found: list[tuple[int, list[AnyCell]]] = []
     start = 1
     try:
         for cells in reader:
-            found.append((start, [cell.strip() for cell in cells]))
+            if not (stated and start == 1):
+                found.append((start, [cell.strip() for cell in cells]))
             start = reader.line_num + 1
     except csv.Error as error:
         raise InputError(f"{faults.name}: row {start}: {error}: check its quotes") from error
     return found
+
+
+def _delimiter(text: str, known: Sequence[str]) -> str:
+    """Return the character between cells by which the heading has most of the known columns."""
+    heading = next((line for line in text.splitlines() if line.strip(" ;,\t")), "")
+    fits = [
+        sum(part.strip(' "').casefold() in known for part in heading.split(d)) for d in DELIMITERS
+    ]
+    return DELIMITERS[fits.index(max(fits))]
 
 
 def _xlsx_cells(content: bytes, name: str) -> list[tuple[int, list[AnyCell]]]:

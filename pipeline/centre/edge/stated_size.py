@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...errors import NotMeasuredError
-from ...targets import Outline, Polygon
-from ...targets.outline import Circle
+from ...targets import Circle, Outline, Polygon
 from ...vectors import Array
 from .beams import SIZE_M, WRONG_SIZE, carry
 from .solution import EdgeFit, sides_at
