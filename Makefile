@@ -21,7 +21,7 @@ test-all: $(VENV)/ready  ## all tests; CI runs a fortieth of the slow ones for e
 
 smoke: $(VENV)/ready  ## the demo and the tests of files and batches, for another Python: PYTHON=, VENV=
 	$(BIN)/wheelplane demo $(VENV)/demo
-	$(BIN)/python -m pytest -n 2 -m "not slow" tests/readers/test_readers.py tests/readers/test_packed.py \
+	$(BIN)/python -m pytest -n 2 -m "not slow" --share "$(or $(SHARE),0/1)" tests/readers/test_readers.py tests/readers/test_packed.py \
 		tests/readers/test_e57.py tests/capture tests/batch/test_batch.py
 
 check: $(VENV)/ready  ## ruff and mypy

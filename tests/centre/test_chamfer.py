@@ -103,7 +103,7 @@ def clean(chamfer_m, rounded=False, scene=CLEAN, seeds=range(SEEDS), **stated):
         yield found(make(seen, seed), target, seed)
 
 
-@pytest.mark.parametrize("stated_m", [None, 5e-4])
+@pytest.mark.parametrize("stated_m", [None, pytest.param(5e-4, marks=pytest.mark.slow)])
 def test_a_chamfer_moves_a_clean_edge_within_its_uncertainty(stated_m):
     """It hides nothing on the near side; on the far side the edge lies inside by its slope."""
     results = list(clean(5e-4, chamfer=stated_m))
@@ -111,7 +111,9 @@ def test_a_chamfer_moves_a_clean_edge_within_its_uncertainty(stated_m):
     assert all(one.fitted.edge_fit.is_clean for one in results)
 
 
-@pytest.mark.parametrize("chamfer_m", [0.0, 2e-4, 5e-4])
+@pytest.mark.parametrize(
+    "chamfer_m", [2e-4, *(pytest.param(one, marks=pytest.mark.slow) for one in (0.0, 5e-4))]
+)
 def test_depths_of_a_clean_edge_show_its_chamfer_and_its_size(chamfer_m):
     """As of a laser profile, of a plate 0.17 mm smaller than stated.
 

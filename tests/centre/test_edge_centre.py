@@ -549,8 +549,8 @@ def test_sizes_are_tried_that_would_show_what_is_lost_or_pulls(lost, stretch_m, 
 
 @pytest.mark.parametrize(
     "growth_m",
-    [-0.001, -0.0005, 0.0005, 0.001]
-    + [pytest.param(far, marks=pytest.mark.slow) for far in (-0.003, 0.003)],
+    [-0.0005, 0.0005]
+    + [pytest.param(far, marks=pytest.mark.slow) for far in (-0.003, -0.001, 0.001, 0.003)],
 )
 @pytest.mark.parametrize("name", NAMES)
 def test_no_size_moves_a_centre_beyond_its_uncertainty_unnoticed(name, growth_m):
