@@ -485,7 +485,13 @@ def test_a_hole_square_to_the_beams_is_no_thinner_than_the_rim(tmp_path):
 def explaining(explained, growth_m=0.0, *, clean=False, converged=True):
     """An edge fit, as far as `check_diameter` looks at it."""
     return types.SimpleNamespace(
-        explained=explained, growth_m=growth_m, is_clean=clean, converged=converged
+        explained=explained,
+        growth_m=growth_m,
+        growth_u_m=1e-4,
+        spot_m=0.0015,
+        is_clean=clean,
+        clean_shift_m=None,
+        converged=converged,
     )
 
 
@@ -502,6 +508,9 @@ def explaining(explained, growth_m=0.0, *, clean=False, converged=True):
         (explaining(400.0, clean=True), 2.7, explaining(500.0), 252),
         (explaining(400.0), 1.7, explaining(500.0, clean=True), None),
         (None, 1.7, explaining(100.0), 250),
+        (None, 1.7, explaining(100.0, -1.3e-3), None),
+        (explaining(400.0, converged=False), 1.7, explaining(300.0, -1.3e-3), None),
+        (explaining(400.0), 1.7, explaining(500.0, -2.7e-3), None),
     ],
 )
 def test_a_larger_circle_is_tried_where_points_end_outside(found, ends_mm, other, refused_mm):

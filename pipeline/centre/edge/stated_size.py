@@ -76,8 +76,9 @@ def check_diameter(
     Parts of an edge that lies outside the stated one contradict their background and are left out,
     and the others move the centre, or look like those of a thinner plate; or few mixed pixels are
     seen where they should be, and the edge looks like a clean one.
-    edge_fit: None where no fit explains the edge. ends_m: how far outside the outline the target's
-    points end. spot_m: as of `check_size`. fit: returns the fit of another outline.
+    edge_fit: None where no fit explains the edge; where it did not converge either, the larger one
+    counts if it lies where its points end. ends_m: how far outside the outline the target's points
+    end, besides noise. spot_m: as of `check_size`. fit: returns the fit of another outline.
     """
     if ends_m < (ENDS_BESIDE * spot_m if edge_fit is not None and edge_fit.is_clean else 0.0):
         return
@@ -86,8 +87,11 @@ def check_diameter(
     if other is None or other.is_clean or not other.converged:
         return
     explained = edge_fit.explained if edge_fit is not None and edge_fit.converged else 0.0
+    larger_m = by_m + other.growth_m
+    if larger_m < WRONG_SIZE * SIZE_M or (explained == 0.0 and not fits_size(other, spot_m)):
+        return
     if other.explained - explained > max(MORE_IF_LARGER * explained, BY_CHANCE):
-        diameter_m = 2.0 * (outline.radius_m + by_m + other.growth_m)
+        diameter_m = 2.0 * (outline.radius_m + larger_m)
         raise NotMeasuredError(
             "wrong-outline",
             f"by the points about it, the target is not {outline.size_text}, but about "
