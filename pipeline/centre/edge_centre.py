@@ -75,7 +75,6 @@ MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre 
 # tolerated; proof of another shape.
 APART, WORST_APART = 3.0, 5.0
 WITH_INTENSITY = 5  # columns of points whose intensities are known
-BY_NOISE = 2.0  # standard deviations: how far outside an edge noise along the beams puts points
 FULL_SLOPE = 0.5  # of the beams, from which a whole radius of the footprint meets the wall
 # Of the spacing: half the difference of two edges that rows of points run along, each of whose last
 # rows lies anywhere within a spacing of it: 1 / sqrt(24).
@@ -244,8 +243,8 @@ def _by_edge(
         return None
     if isinstance(outline, Circle) and (known or aim):
         fit = partial(_by_mixed_pixels, view, start=start, near=near, begin=known or aim)
-        ends_m = middle_end_m(face, outline, centre) - BY_NOISE * noise_m
-        check_diameter(edge_fit, outline, ends_m, config.spot_radius_m, fit)
+        ends_m = middle_end_m(face, outline, centre)
+        check_diameter(edge_fit, outline, ends_m, noise_m, config.spot_radius_m, fit)
     return EdgeCentre(estimate, rotation, edge_fit)
 
 

@@ -498,6 +498,7 @@ def explaining(explained, growth_m=0.0, *, clean=False, converged=True):
 @pytest.mark.parametrize(
     ("found", "ends_mm", "other", "refused_mm"),
     [
+        (explaining(400.0), 0.7, explaining(500.0), None),
         (explaining(400.0), 1.7, explaining(500.0, 5e-4), 251),
         (explaining(400.0), -0.1, explaining(500.0), None),
         (explaining(400.0), 1.7, explaining(410.0), None),
@@ -525,8 +526,8 @@ def test_a_larger_circle_is_tried_where_points_end_outside(found, ends_mm, other
     if refused_mm is not None:
         wrong = pytest.raises(NotMeasuredError, match=f"not 244 mm across, but about {refused_mm}")
     with wrong:
-        check_diameter(found, stated, ends_mm / 1e3, 0.0015, fit)
-    least_mm = 1.7 * 1.5 if found is not None and found.is_clean else 0.0
+        check_diameter(found, stated, ends_mm / 1e3, 0.0004, 0.0015, fit)
+    least_mm = 1.7 * 1.5 if found is not None and found.is_clean else 2.0 * 0.4
     assert tried == ([pytest.approx(0.122 + ends_mm / 1e3 + 0.0013)] if ends_mm > least_mm else [])
 
 

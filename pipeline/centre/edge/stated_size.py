@@ -36,6 +36,7 @@ MORE_EXPLAINED, MORE_IF_SEEN, WHOLE_SIDE, BY_CHANCE, MORE_AT_FIRST = 0.15, 0.02,
 # explains more. Of right discs they ended 0.6 mm inside or more, and up to 1.6 stated footprints
 # outside a clean edge, of which BESIDE fitted ones return the target and nothing else.
 ENDS_INSIDE_M, MORE_IF_LARGER, ENDS_BESIDE, BESIDE = 1.3e-3, 0.05, 1.7, 1.3
+BY_NOISE = 2.0  # standard deviations: how far outside an edge noise along the beams puts points
 
 
 def check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
@@ -68,6 +69,7 @@ def check_diameter(
     edge_fit: EdgeFit | None,
     outline: Circle,
     ends_m: float,
+    noise_m: float,
     spot_m: float,
     fit: Callable[[Circle], EdgeFit | None],
 ) -> None:
@@ -78,9 +80,11 @@ def check_diameter(
     seen where they should be, and the edge looks like a clean one.
     edge_fit: None where no fit explains the edge; where it did not converge either, the larger one
     counts if it lies where its points end. ends_m: how far outside the outline the target's points
-    end, besides noise. spot_m: as of `check_size`. fit: returns the fit of another outline.
+    end. noise_m: of a point along the plane. spot_m: as of `check_size`. fit: returns the fit of
+    another outline.
     """
-    if ends_m < (ENDS_BESIDE * spot_m if edge_fit is not None and edge_fit.is_clean else 0.0):
+    shown_m = ENDS_BESIDE * spot_m if edge_fit is not None and edge_fit.is_clean else 0.0
+    if ends_m < max(shown_m, BY_NOISE * noise_m):
         return
     by_m = ends_m + ENDS_INSIDE_M
     other = fit(outline.resized(by_m))
