@@ -12,7 +12,7 @@ from ..measurement import Estimate
 from ..vectors import Array
 from ..vehicle import AXES
 from .forms.item import Item
-from .forms.quantities import QUANTITIES, as_shown, read_as
+from .forms.quantities import QUANTITIES, as_shown, indicated, value_of
 from .forms.readings import Reading
 from .records import QuantityResult
 from .reference import Reference, reference_of
@@ -156,7 +156,8 @@ def _other_readings(
     for unit in () if unlike else PLAIN_UNITS[quantity.unit]:
         if unit != stated:
             numbers = [as_shown(value, stated, quantity, item.rim_m) for value in shown.flat]
-            found = [read_as(number, unit, quantity, item.rim_m) for number in numbers]
+            values = [value_of(number, unit) for number in numbers]
+            found = [indicated(value, quantity, item.rim_m) for value in values]
             yield Wording(OTHER_UNIT, unit=unit, stated=stated), np.reshape(found, shown.shape)
     if quantity.subject == "wheel":
         names = [point.point for point in result.points]

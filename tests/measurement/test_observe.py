@@ -147,7 +147,7 @@ def test_without_stated_noise_nothing_is_noted(scan):
 
 @pytest.mark.parametrize(("within_m", "noted"), [(0.122, True), (0.15, False)])
 def test_a_centre_by_the_outermost_points_is_noted_with_its_u(cloud, tmp_path, within_m, noted):
-    """Of a disc of 250 mm whose crop leaves nothing behind its edge; a wider one leaves enough."""
+    """A crop leaves nothing behind the edge of a disc of 250 mm; a wider one leaves enough."""
     middle = np.asarray(cloud.centre_m)
     across = cloud.points_m - middle
     across = across - np.outer(across @ cloud.normal, cloud.normal)

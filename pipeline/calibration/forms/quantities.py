@@ -80,6 +80,15 @@ def units_of(quantity: MachineQuantity) -> tuple[str, ...]:
     return ANGLE_UNITS if quantity.wheels_at_rim else ANGLE_UNITS[:-1]
 
 
+def value_of(number: float, unit: str) -> Value:
+    """Return a number that a machine indicates in a unit, other than dms, as a value."""
+    if unit == "mm/m":
+        return Value(number, "mm/m")
+    if unit in LENGTH_UNITS:
+        return Value(in_metres(number, unit), "m")
+    return Value(number / 60.0 if unit == "min" else number, "deg")
+
+
 def indicated(value: Value, quantity: MachineQuantity, rim_m: float | None) -> float:
     """Return a value with its unit in radians or metres. Raises ValueError for another kind."""
     if quantity.unit == "m":
@@ -103,16 +112,3 @@ def as_shown(value: float, unit: str, quantity: MachineQuantity, rim_m: float | 
         across_m = quantity.wheels_at_rim * rim_m
         return 1e3 * across_m * math.sin(value / quantity.wheels_at_rim)
     return math.degrees(value) * PER_DEGREE[unit]
-
-
-def read_as(number: float, unit: str, quantity: MachineQuantity, rim_m: float | None) -> float:
-    """Return the number that a machine indicates in a unit in radians or metres; dms in seconds.
-
-    Inverse of `as_shown`. Raises ValueError for mm of toe without a rim, or of more than it has.
-    """
-    if quantity.unit == "m":
-        return in_metres(number, unit)
-    if unit in ("mm", "mm/m"):
-        value = Value(number / 1e3, "m") if unit == "mm" else Value(number, "mm/m")
-        return indicated(value, quantity, rim_m)
-    return math.radians(number / PER_DEGREE[unit])

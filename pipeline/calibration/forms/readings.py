@@ -13,9 +13,8 @@ from typing import Literal, get_args
 from ...errors import Wording
 from ...measurement import Value, read_value
 from ...system import frozen
-from ...units import in_metres
 from .item import Item
-from .quantities import QUANTITIES, MachineQuantity, indicated, units_of
+from .quantities import QUANTITIES, MachineQuantity, indicated, units_of, value_of
 from .table_file import Cell, Faults, Row, read_table
 
 State = Literal["as found", "as left"]
@@ -261,12 +260,7 @@ def _parsed(cell: Cell, unit: str) -> Value:
         if isinstance(cell, float):
             raise ValueError(Wording(NO_MARKS, value=f"{cell:g}"))
         return _sexagesimal(cell)
-    number = cell if isinstance(cell, float) else decimal_number(cell)
-    if unit == "mm/m":
-        return Value(number, "mm/m")
-    if unit in ("mm", "m"):
-        return Value(in_metres(number, unit), "m")
-    return Value(number / 60.0 if unit == "min" else number, "deg")
+    return value_of(cell if isinstance(cell, float) else decimal_number(cell), unit)
 
 
 def _sexagesimal(text: str) -> Value:
