@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.made import write_small_capture
+from wheelplane.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAPER = ROOT / "tests" / "data" / "paper" / "figure-4.txt"
@@ -64,6 +65,7 @@ PARTS = {
         "dcc",
         ".",
     ],
+    "commands": ["shared", "."],
     "batch": ["storage", "plan", "catalogue", "operation", "results", "run", "."],
 }
 # fmt: on
@@ -297,10 +299,16 @@ def test_rooms_are_those_that_are_there_and_small():
     for package in INSTALLED:
         for folder in {path.parent for path in (ROOT / package).rglob("*.py")}:
             modules = [path for path in folder.glob("*.py") if path.stem != "__init__"]
-            if folder.name != "commands":
+            if folder != ROOT / "pipeline" / "commands":
                 assert len(modules) <= MOST_IN_A_ROOM, folder
             if folder.name in DOORS and folder.parent.name == "pipeline":
                 assert len(modules) >= 4, folder
+
+
+def test_commands_holds_the_commands_alone():
+    modules = {module.split(":")[0].split(".")[-1] for module, _ in COMMANDS.values()}
+    there = {path.stem for path in (ROOT / "pipeline" / "commands").glob("*.py")}
+    assert there - {"__init__"} == modules
 
 
 @pytest.mark.parametrize("room", DOORS)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from ..errors import InputError
-from .batch_options import (
+from .shared.batch_options import (
     absolute,
     given_options,
     make_engine,
@@ -22,7 +22,7 @@ from .batch_options import (
     read_settings,
     work_options,
 )
-from .options import FiniteRange
+from .shared.options import FiniteRange
 
 if TYPE_CHECKING:
     from types import FrameType

@@ -40,19 +40,17 @@ from ..system import frozen
 from ..targets import load_target
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import REFERENCE_WHEELS
-from .certificate import CertificateOptions, certificate_options, keep_signed
-from .options import (
+from .shared.capture_options import (
     capture_options,
     config_option,
-    digits_option,
-    five_point_options,
-    five_point_unit_option,
-    read_station,
     scanner_option,
     target_option,
     whole_vehicle_options,
 )
-from .progress import TerminalProgress
+from .shared.certificate_options import CertificateOptions, certificate_options, keep_signed
+from .shared.five_point_options import five_point_options, five_point_unit_option, read_station
+from .shared.progress import TerminalProgress
+from .shared.view_options import digits_option
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)

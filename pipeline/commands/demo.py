@@ -17,7 +17,7 @@ from ..measurement import Measurement, by_name
 from ..report.format.digits import arc, sexagesimal
 from ..report.format.layout import aligned
 from ..report.write import write_reports
-from .progress import TerminalProgress
+from .shared.progress import TerminalProgress
 from .synth import make_capture
 
 

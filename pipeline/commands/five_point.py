@@ -26,19 +26,21 @@ from ..report.text.tcgc_2013 import tcgc_2013_text
 from ..report.write import ReportFiles, keep_inputs, report_files, write_whole
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import Axis
-from .options import (
-    axis_of,
-    convention_option,
+from .shared.capture_options import monte_carlo_option
+from .shared.five_point_options import (
     five_point_options,
     five_point_unit_option,
-    language_and_plot,
-    monte_carlo_option,
     radius_option,
     read_station,
+)
+from .shared.reporting import plot_to, report_options, show, show_plot
+from .shared.view_options import (
+    axis_of,
+    convention_option,
+    language_and_plot,
     tolerance_option,
     view_options,
 )
-from .reporting import plot_to, report_options, show, show_plot
 
 
 @click.command("five-point")

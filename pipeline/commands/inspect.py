@@ -15,9 +15,9 @@ from ..files import ARCHIVE_SUFFIXES
 from ..readers import ReadOptions
 from ..report.format.digits import rounded
 from ..report.format.layout import aligned
-from .limits import limited
-from .options import length_unit_option, read_options, reading_options
-from .progress import Reading
+from .shared.capture_options import length_unit_option, read_options, reading_options
+from .shared.limits import limited
+from .shared.progress import Reading
 
 SHOWN_SCANS = 8
 

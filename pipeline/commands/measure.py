@@ -17,27 +17,29 @@ from ..report.format.view import AngleStyle, Convention, DigitStyle, read_view
 from ..report.write import ReportFiles, keep_inputs, write_reports
 from ..units import LengthUnit
 from ..vehicle import Axis
-from .limits import limited
-from .options import (
-    axis_of,
+from .shared.capture_options import (
     capture_options,
     config_option,
-    convention_option,
     hint_option,
-    language_and_plot,
     length_unit_option,
     monte_carlo_option,
     read_options,
     reading_options,
     scanner_option,
     target_option,
-    tolerance_option,
     vertical_option,
-    view_options,
     whole_vehicle_options,
 )
-from .progress import TerminalProgress
-from .reporting import explain_to, plot_to, report_options, show, show_plot
+from .shared.limits import limited
+from .shared.progress import TerminalProgress
+from .shared.reporting import explain_to, plot_to, report_options, show, show_plot
+from .shared.view_options import (
+    axis_of,
+    convention_option,
+    language_and_plot,
+    tolerance_option,
+    view_options,
+)
 
 
 @click.command()

@@ -16,8 +16,8 @@ from ..readers import MESH_SUFFIXES, Scan, read_scan
 from ..report.format.digits import rounded
 from ..report.format.layout import aligned
 from ..units import LENGTH_UNITS
-from .options import read_options, reading_options
-from .progress import Reading
+from .shared.capture_options import read_options, reading_options
+from .shared.progress import Reading
 
 NOTED_STEP_M = 0.5e-3
 COARSE = 1.4  # distance of levels over the rms across a plane, above which they draw it

@@ -56,10 +56,11 @@ from ..report.format.writer import Writer
 from ..report.json.text import json_text
 from ..report.write import ReportFiles, document_files, keep_inputs, write_whole
 from ..system import frozen
-from .limits import SECONDS, within
-from .options import config_option, digits_option, language_option
-from .progress import Reading
-from .reporting import report_options
+from .shared.capture_options import config_option
+from .shared.limits import SECONDS, within
+from .shared.progress import Reading
+from .shared.reporting import report_options
+from .shared.view_options import digits_option, language_option
 
 SCHEMA = "wheelplane/results/1"
 WRITERS = {

@@ -13,7 +13,7 @@ import click
 from ..config import config_file
 from ..errors import InputError, MissingDependencyError
 from ..targets import names_of_targets
-from .progress import TerminalProgress
+from .shared.progress import TerminalProgress
 
 
 @click.command()

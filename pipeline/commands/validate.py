@@ -29,22 +29,18 @@ from ..validation import (
     validate_capture,
     validate_mountings,
 )
-from .options import (
-    FiniteRange,
+from .shared.capture_options import (
     capture_options,
     config_option,
-    digits_option,
-    five_point_options,
-    five_point_unit_option,
-    language_option,
-    option,
-    read_station,
     scanner_option,
     target_option,
     whole_vehicle_options,
 )
-from .progress import TerminalProgress
-from .reporting import report_options
+from .shared.five_point_options import five_point_options, five_point_unit_option, read_station
+from .shared.options import FiniteRange, option
+from .shared.progress import TerminalProgress
+from .shared.reporting import report_options
+from .shared.view_options import digits_option, language_option
 
 # A mark is resolved to 0.01 mm at best, and a target is hardly wider than the larger. A standard
 # uncertainty in another unit is outside: in m, those below 10 mm; in µm, those above 0.05 mm.

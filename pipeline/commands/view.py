@@ -11,7 +11,8 @@ import click
 from ..config import load_config, read_toml
 from ..errors import InputError
 from ..web.settings import GIB, Endpoint, PageSettings
-from .options import FiniteRange, config_option
+from .shared.capture_options import config_option
+from .shared.options import FiniteRange
 
 
 @click.command()

@@ -439,6 +439,6 @@ def test_help_loads_nothing_that_measures():
         check=True,
     )
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    assert "wheelplane.commands.batch_options" in loaded
+    assert "wheelplane.commands.shared.batch_options" in loaded
     heavy = {"wheelplane.measure", "wheelplane.batch.run.work", "wheelplane.batch.run.run"}
     assert loaded & heavy == set()

@@ -17,7 +17,7 @@ from tests.readers.test_formats import angles, clouds, measured, text
 from wheelplane.batch.plan.settings import BatchSettings
 from wheelplane.capture import CaptureOptions, open_capture, open_entries
 from wheelplane.cli import main
-from wheelplane.commands.options import read_options
+from wheelplane.commands.shared.capture_options import read_options
 from wheelplane.config import Config
 from wheelplane.errors import ConfigError, InputError
 from wheelplane.measure import measure_capture

@@ -13,7 +13,7 @@ import time
 import numpy as np
 import pytest
 
-from wheelplane.commands.limits import within
+from wheelplane.commands.shared.limits import within
 from wheelplane.errors import InputError
 
 

@@ -8,7 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from wheelplane.cli import COMMANDS, cli
-from wheelplane.commands.options import RenamedOption, read_station, three_numbers
+from wheelplane.commands.shared.five_point_options import read_station
+from wheelplane.commands.shared.options import RenamedOption, three_numbers
 from wheelplane.errors import ConfigError, InputError
 
 FIVE_POINT = ["--coordinates", "--angle-unit", "--azimuth", "--total-station",

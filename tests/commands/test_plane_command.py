@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wheelplane.cli import main
-from wheelplane.commands.progress import Reading
+from wheelplane.commands.shared.progress import Reading
 from wheelplane.errors import InputError
 from wheelplane.library.single_scan import find_planes, fit_plane
 
@@ -123,7 +123,7 @@ def test_coordinates_that_float32_spoilt_are_reported(tmp_path, plane):
 @pytest.mark.parametrize("terminal", [True, False])
 def test_a_long_read_shows_its_share_on_a_terminal_alone(terminal, monkeypatch, capsys):
     clock = iter(np.arange(0.0, 100.0, 0.3).tolist())
-    monkeypatch.setattr("wheelplane.commands.progress.time.monotonic", lambda: next(clock))
+    monkeypatch.setattr("wheelplane.commands.shared.progress.time.monotonic", lambda: next(clock))
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
     with Reading("a.ply") as progress:
         for done in range(0, 1001, 10):

@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.reported import ANGLES, measured
 from wheelplane.cli import main
-from wheelplane.commands.reporting import plot_to, report_options, show_plot
+from wheelplane.commands.shared.reporting import plot_to, report_options, show_plot
 from wheelplane.config import Config, ReportConfig, load_config
 from wheelplane.errors import ConfigError
 from wheelplane.report.format.language import LANGUAGES, load_translations

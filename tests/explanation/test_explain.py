@@ -25,7 +25,7 @@ from tests.support.made import (
 )
 from tests.support.round_wheels import vehicle_points, with_disc
 from wheelplane.capture import CaptureOptions, open_capture
-from wheelplane.commands.options import three_numbers
+from wheelplane.commands.shared.options import three_numbers
 from wheelplane.config import Config, SegmentConfig
 from wheelplane.detection import Candidate, rivals
 from wheelplane.errors import InputError, NotMeasuredError

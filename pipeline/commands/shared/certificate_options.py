@@ -10,16 +10,17 @@ from typing import Any
 
 import click
 
-from ..calibration import Calibration, issue, load_certificate
-from ..config import Config
-from ..errors import InputError
-from ..report.certificate import FORMS, certificate_files
-from ..report.format.view import View
-from ..report.signature import read_private_key, signature_of
-from ..report.write import ReportFiles
-from ..system import frozen
-from .options import Command, added, language_option
+from ...calibration import Calibration, issue, load_certificate
+from ...config import Config
+from ...errors import InputError
+from ...report.certificate import FORMS, certificate_files
+from ...report.format.view import View
+from ...report.signature import read_private_key, signature_of
+from ...report.write import ReportFiles
+from ...system import frozen
+from .options import Command, added
 from .reporting import report_options
+from .view_options import language_option
 
 OPTIONS = (
     click.option(

@@ -10,30 +10,28 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..config import load_config, with_scanner
-from ..errors import InputError
-from ..system import check_temporary_folder
-from ..targets import read_targets
-from .limits import SECONDS, size_in_bytes
-from .options import (
-    added,
+from ...config import load_config, with_scanner
+from ...errors import InputError
+from ...system import check_temporary_folder
+from ...targets import read_targets
+from .capture_options import (
     capture_options,
     config_option,
-    five_point_options,
     length_unit_option,
-    radius_option,
     read_options,
-    read_station,
     reading_options,
     scanner_option,
     target_option,
     vertical_option,
     whole_vehicle_options,
 )
+from .five_point_options import five_point_options, radius_option, read_station
+from .limits import SECONDS, size_in_bytes
+from .options import added
 
 if TYPE_CHECKING:
-    from ..batch.plan.settings import BatchSettings
-    from ..batch.run.tasks import Engine
+    from ...batch.plan.settings import BatchSettings
+    from ...batch.run.tasks import Engine
 
 
 OPTIONS = (
@@ -91,7 +89,7 @@ def work_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def read_settings(options: dict[str, Any]) -> BatchSettings:
     """Return the settings of every measurement. Raises InputError, ConfigError by option."""
-    from ..batch.plan.settings import BatchSettings, check_date_pattern
+    from ...batch.plan.settings import BatchSettings, check_date_pattern
 
     spherical = options["coordinates"] == "spherical"
     if spherical != (options["angle_unit"] is not None):
@@ -136,8 +134,8 @@ def given_options(options: dict[str, Any]) -> dict[str, str]:
 
 def make_engine(options: dict[str, Any], scratch: Path) -> Engine:
     """Return what does the work: processes of this machine, or a cluster. Raises InputError."""
-    from ..batch.run.cluster import Cluster
-    from ..batch.run.workers import Limits, Workers, processors
+    from ...batch.run.cluster import Cluster
+    from ...batch.run.workers import Limits, Workers, processors
 
     limits = Limits(options["timeout"], size_in_bytes(options["memory"]))
     if options["scheduler"] is None:

@@ -10,8 +10,8 @@ from typing import Any
 
 import click
 
-from ..errors import InputError, TimeLimitError
-from ..system import machine_bytes, memory_limit, time_limit
+from ...errors import InputError, TimeLimitError
+from ...system import machine_bytes, memory_limit, time_limit
 from .options import FiniteRange
 
 TOO_MUCH = 2.0**62  # bytes

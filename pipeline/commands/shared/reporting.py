@@ -6,16 +6,16 @@ from pathlib import Path
 
 import click
 
-from ..capture import Capture
-from ..config import Config, ReportConfig
-from ..errors import ConfigError
-from ..measurement import Conformity, Measurement
-from ..report.format.earlier import Earlier, read_earlier
-from ..report.format.laboratory import read_laboratory
-from ..report.format.language import LANGUAGES, Translations, load_translations
-from ..report.format.report_options import ReportOptions
-from ..report.format.view import View
-from ..report.write import write_result
+from ...capture import Capture
+from ...config import Config, ReportConfig
+from ...errors import ConfigError
+from ...measurement import Conformity, Measurement
+from ...report.format.earlier import Earlier, read_earlier
+from ...report.format.laboratory import read_laboratory
+from ...report.format.language import LANGUAGES, Translations, load_translations
+from ...report.format.report_options import ReportOptions
+from ...report.format.view import View
+from ...report.write import write_result
 from .progress import TerminalProgress
 
 SCREEN = "-"  # of --plot
@@ -28,9 +28,9 @@ def show(
     before: Earlier | None = None,
 ) -> None:
     """Print the tables of a measurement, what changed, and its conformity, where there are such."""
-    from ..report.text.conformity import conformity_text
-    from ..report.text.report import extra_parts, summary_table
-    from ..report.text.vehicle import before_text, vehicle_lines
+    from ...report.text.conformity import conformity_text
+    from ...report.text.report import extra_parts, summary_table
+    from ...report.text.vehicle import before_text, vehicle_lines
 
     click.echo(summary_table(measurement, view))
     click.echo()
@@ -59,9 +59,9 @@ def explain_to(
     folder: Path, capture: Capture, config: Config, words: Translations, *, as_json: bool
 ) -> None:
     """Write the explanation of a capture to `folder`, and print it, beside JSON as an error."""
-    from ..explanation import explain_capture
-    from ..report.candidates.text import explanation_text
-    from ..report.explanation import write_explanation
+    from ...explanation import explain_capture
+    from ...report.candidates.text import explanation_text
+    from ...report.explanation import write_explanation
 
     with TerminalProgress(capture.steps, "explaining") as progress:
         found = explain_capture(capture, config, progress)
@@ -82,7 +82,7 @@ def plot_to(
     """
     if plot is None or plot == SCREEN:
         return []
-    from ..report.plots.files import ANGLES, OF_SCANS, plot_files
+    from ...report.plots.files import ANGLES, OF_SCANS, plot_files
 
     files = plot_files(measurement, conformity, options.words, options.view)
     write_result(Path(plot), files, ANGLES, OF_SCANS)
@@ -97,7 +97,7 @@ def show_plot(
 ) -> None:
     """Draw the angles in the terminal where --plot is -."""
     if plot == SCREEN:
-        from ..report.plots.angle_chart import angles_text
+        from ...report.plots.angle_chart import angles_text
 
         click.echo(
             f"\n{angles_text(measurement, conformity, options.words, options.view)}", nl=False

@@ -1,0 +1,1 @@
+"""Options, limits, progress and output that several commands share."""
