@@ -42,6 +42,7 @@ def test_long_edges_alone_place_no_plate(cut, spot_m, seed):
         fitted_to(SCENE.but(keep=BOTH[cut], spot_m=spot_m), seed)
 
 
+@pytest.mark.slow
 def test_a_clean_edge_that_is_cut_a_little_is_left_out():
     """Its last points pulled the centre 22 u off."""
     cloud, fitted = fitted_to(SCENE.but(keep=lambda u, v: u < 0.146, spot_m=0.0), 0)

@@ -278,6 +278,7 @@ def test_of_a_cloud_the_targets_in_a_region_count(whole, measured):
         measurement(whole, regions={"vehicle": half}, front=front)
 
 
+@pytest.mark.slow
 def test_each_cloud_of_a_vehicle_that_rolled_is_explained(whole, plain, measured, tmp_path):
     """The second lacks the front wheels, for which the capture is refused."""
     folder = tmp_path / "car"
@@ -498,6 +499,7 @@ def test_a_bare_wheel_has_no_candidates_but_a_status(plain):
         assert len(scan.sample_m) > 1000
 
 
+@pytest.mark.slow
 def test_a_cloud_of_bare_wheels_shows_its_wheels_and_no_plane(whole, measured):
     with open_capture(whole, "wheel") as capture:
         (scan,) = explain_capture(capture, Config()).scans

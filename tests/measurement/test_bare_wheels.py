@@ -180,6 +180,7 @@ def mixed(folder, own):
     return folder
 
 
+@pytest.mark.slow
 def test_one_cloud_shows_targets_on_some_wheels_and_none_on_others(tmp_path):
     found = measured(mixed(tmp_path, DISCS))
     for wheel in found.wheels:
@@ -193,6 +194,7 @@ def test_one_cloud_shows_targets_on_some_wheels_and_none_on_others(tmp_path):
     assert [w.observation.target.shape for w in found.wheels] == ["disc", "disc", "wheel", "wheel"]
 
 
+@pytest.mark.slow
 def test_chosen_points_are_those_of_each_wheels_own_target(tmp_path):
     folder = mixed(tmp_path, DISCS)
     with open_capture(folder) as capture:

@@ -115,6 +115,7 @@ def test_each_wheel_keeps_the_thickness_that_its_own_file_states(capture, tmp_pa
     assert any(note.startswith("FR and FL: unlike the other side") for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_fit_that_looks_at_the_points_measures_the_same(capture, tmp_path):
     """As five points are picked for a validation: of scans that contradict a thickness, too."""
     seen = []

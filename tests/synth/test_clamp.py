@@ -44,6 +44,7 @@ def test_a_stand_off_without_room_for_the_clamp_is_refused(tmp_path):
         draw_clamped(target, np.random.default_rng(1))
 
 
+@pytest.mark.slow
 def test_what_is_written_names_the_targets_and_their_truth(tmp_path):
     truth = write_mixed(tmp_path / "car", {"RL": disc_file(tmp_path), "FR": DISC}, spacing_m=0.01)
     declared = tomllib.loads((tmp_path / "car" / "capture.toml").read_text(encoding="utf-8"))

@@ -115,6 +115,7 @@ def vehicles(site, tmp_path):
     return found
 
 
+@pytest.mark.slow
 def test_the_number_of_a_report_is_that_of_the_measurement_that_is_downloaded(tmp_path):
     """In every view, of a new and of an opened measurement, alone and with an earlier one."""
     site = Site(tmp_path)
