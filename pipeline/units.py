@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 from .vectors import Array
 
 # A unit is `factor` metres, or 1/`divisor` of a metre: 0.001 is no binary fraction, so a product
 # with it rounds twice where a division rounds once.
-_FACTOR = {"m": 1.0, "in": 0.0254}
-_DIVISOR = {"mm": 1000.0}
+# A foot is the international one; that of older surveys in the USA is longer by 2e-6 of itself.
+_FACTOR = {"m": 1.0, "in": 0.0254, "ft": 0.3048}
+_DIVISOR = {"mm": 1000.0, "cm": 100.0}
 
-LengthUnit = Literal["m", "mm", "in"]
-LENGTH_UNITS = ("m", "mm", "in")
+LengthUnit = Literal["m", "mm", "in", "cm", "ft"]
+LENGTH_UNITS: tuple[LengthUnit, ...] = get_args(LengthUnit)
 AngleUnit = Literal["deg", "gon", "rad"]
 Coordinates = Literal["cartesian", "spherical"]
 Azimuth = Literal["auto", "clockwise", "counterclockwise"]  # seen from above

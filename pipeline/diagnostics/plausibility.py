@@ -17,6 +17,7 @@ from ..vectors import Array
 CLOUD_SIZES_M = (1e-3, 20e3)
 RIGID = 3e-4  # of a pose, off a rotation: one of four decimals is off by 2e-4
 FEW = 0.01  # of the points, that may be wrong without the unit being wrong
+COMMON_UNITS = ("m", "mm", "in")  # of scanners
 WHEEL_SCAN_M = 2.0  # a typical scan of a wheel
 VEHICLE_SCAN_M = 10.0  # and of a vehicle
 VEHICLE_SIZES_M = (1.5, 100.0)  # the shortest wheelbase; a hall
@@ -165,11 +166,17 @@ def _are_whole(numbers: Array) -> bool:
 
 
 def better_unit(size_m: float, unit: str, option: str, usual_m: float = WHEEL_SCAN_M) -> str:
-    """Suggest the unit in which the size of a cloud would be nearest to usual_m."""
+    """Suggest the unit in which the size of a cloud would be nearest to usual_m.
+
+    One of COMMON_UNITS, unless that is ten times off.
+    """
     number = size_m / in_metres(1.0, unit)
     sizes = {u: in_metres(number, u) for u in LENGTH_UNITS if u != unit}
-    best = min(sizes, key=lambda u: abs(math.log(sizes[u] / usual_m)))
-    if abs(math.log(sizes[best] / usual_m)) > math.log(100.0):
+    off = {u: abs(math.log(size / usual_m)) for u, size in sizes.items()}
+    best = min((u for u in sizes if u in COMMON_UNITS), key=lambda u: off[u])
+    if off[best] > math.log(10.0):
+        best = min(sizes, key=lambda u: off[u])
+    if off[best] > math.log(100.0):
         return "check the unit of the file, and whether points lie far outside"
     return f"if the file is in {best}, it is {length(sizes[best])} wide: give {option.format(best)}"
 

@@ -92,7 +92,7 @@ def read_scan(
 ) -> Scan:
     """Read a point cloud, plain, compressed, or the only one in a zip or tar; whole or not at all.
 
-    length_unit: of the file's coordinates, "m", "mm" or "in"; never guessed.
+    length_unit: of the file's coordinates, see LENGTH_UNITS; never guessed.
     name: the file in messages; the path by default.
     options: what the user states of the file.
     sample: of a mesh, this many points of its surface instead of its vertices.

@@ -14,6 +14,7 @@ import pytest
 from wheelplane.capture.front import Front
 from wheelplane.capture.open_capture import NO_OPTIONS, Capture, CaptureOptions, open_capture
 from wheelplane.errors import ConfigError, InputError, WheelplaneError
+from wheelplane.units import LENGTH_UNITS, in_metres
 
 WHEELS = ("RR", "RL", "FR", "FL")
 REFERENCE = "[reference]\n" + "".join(f'{w} = "{w.lower()}.ply"\n' for w in WHEELS)
@@ -239,7 +240,7 @@ LONG = "a" * 300
         ),
         ('vehicel = "x"\n' + DISC + REFERENCE, ["'vehicel'", "did you mean 'vehicle'?"]),
         ("vehicle = 3\n" + DISC + REFERENCE, ["vehicle", "got 3"]),
-        ('length_unit = "cm"\n' + DISC + REFERENCE, ["'m', 'mm' or 'in'", "'cm'"]),
+        ('length_unit = "km"\n' + DISC + REFERENCE, ["'m', 'mm', 'in', 'cm' or 'ft'", "'km'"]),
         (REFERENCE, ["no target is named", "--target disc-250"]),
         ("target = 3\n" + REFERENCE, ["target is 3", "[target]"]),
         ('target = "disc-25O"\n' + REFERENCE, ["'disc-25O'", "did you mean 'disc-250'?"]),
@@ -386,9 +387,9 @@ def test_capture_toml_need_not_name_the_only_cloud(tmp_path):
     assert cloud_file(whole(table, None)) == "points.csv"
 
 
-@pytest.mark.parametrize("unit", ["m", "mm", "in"])
+@pytest.mark.parametrize("unit", LENGTH_UNITS)
 def test_a_point_near_the_front_is_in_the_unit_of_the_file(unit, tmp_path):
-    metre = {"m": 1.0, "mm": 1000.0, "in": 1.0 / 0.0254}[unit]
+    metre = 1.0 / in_metres(1.0, unit)
     point = (2.0 * metre, -3.0 * metre, 0.5 * metre)
     toml = f'length_unit = "{unit}"\nfront_point = {list(point)}\n' + DISC
     by_file = whole(fill(tmp_path / "c", toml, ("vehicle.ply",)), None)

@@ -675,7 +675,7 @@ def test_names_that_look_alike_keep_their_own_pictures(copy, wheelplane, tmp_pat
         (("measure",), "CAPTURE"),
         (("measure", "a", "b"), "b"),
         (("measure", "a", "--jsn"), "--json"),
-        (("plane", "x.ply", "--length-unit", "cm"), "cm"),
+        (("plane", "x.ply", "--length-unit", "km"), "km"),
         (("plane", "x.ply", "--max-planes", "0"), "0"),
         (("five-point", "x.txt", "--method", "pca"), "pca"),
         (("synth", "x", "--seed", "-1"), "-1"),

@@ -83,7 +83,7 @@ def test_five_point_validate_and_batch_define_the_same_option(declaration):
 
 def test_length_units_are_the_same_everywhere():
     for name in (*NEEDED, "measure", "inspect", "plane"):
-        assert list(of(name, "--length-unit").type.choices) == ["m", "mm", "in"]
+        assert list(of(name, "--length-unit").type.choices) == ["m", "mm", "in", "cm", "ft"]
 
 
 def test_the_station_stands_where_it_is_reported_in_metres():

@@ -286,7 +286,9 @@ def test_tolerated_forms_read_alike(tmp_path, name):
     assert read.notes == ()
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("in", 0.0254)])
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("mm", 1e-3), ("in", 0.0254), ("cm", 1e-2), ("ft", 0.3048)]
+)
 def test_length_unit(tmp_path, unit, metres):
     path = tmp_path / "five.txt"
     np.savetxt(path, figure_4().reshape(-1, 3) / metres, fmt="%.17g", delimiter=" ")
@@ -400,7 +402,7 @@ def test_missing_file_and_folder(tmp_path):
 @pytest.mark.parametrize(
     ("options", "fact"),
     [
-        ({"length_unit": "km"}, "--length-unit is 'km': give one of m, mm, in"),
+        ({"length_unit": "km"}, "--length-unit is 'km': give one of m, mm, in, cm, ft"),
         ({"coordinates": "polar"}, "--coordinates is 'polar'"),
         ({"coordinates": "spherical"}, "give --angle-unit deg, gon or rad"),
         ({"coordinates": "spherical", "angle_unit": "grad"}, "--angle-unit is 'grad'"),

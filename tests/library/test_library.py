@@ -294,7 +294,7 @@ def test_five_points_agree_and_are_measured_too(capture, measured):
         (dict.fromkeys(WHEELS, np.zeros((3, 3))), {"target": "nothing"}, "nothing"),
         (3, {}, "a int is no set of scans"),
         ("nowhere", {}, "no such file or folder"),
-        (dict.fromkeys(WHEELS, np.ones((3, 3))), {"length_unit": "ft"}, "'ft' is unknown"),
+        (dict.fromkeys(WHEELS, np.ones((3, 3))), {"length_unit": "km"}, "'km' is unknown"),
         (dict.fromkeys(WHEELS, np.ones((3, 3))), {"scanner": "nothing"}, "nothing"),
     ],
 )
@@ -357,7 +357,7 @@ def test_what_is_given_is_read_as_it_is(tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"length_unit": "cm"}, "length_unit 'cm' is unknown: give m, mm, in"),
+        ({"length_unit": "km"}, "length_unit 'km' is unknown: give m, mm, in, cm, ft"),
         ({"vertical": "x"}, "vertical 'x' is unknown: give wheels, floor, gravity"),
         ({"target": 5}, "target 5 is no target"),
     ],

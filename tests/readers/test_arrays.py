@@ -143,8 +143,8 @@ def test_missing_returns_are_dropped_as_of_files():
 
 
 def test_an_unknown_unit_is_one_line():
-    with pytest.raises(InputError, match="'ft' is unknown"):
-        scan_of_points(POINTS, "ft")
+    with pytest.raises(InputError, match="'km' is unknown"):
+        scan_of_points(POINTS, "km")
 
 
 def test_a_cloud_without_points_of_another_library_is_no_cloud():
@@ -172,7 +172,8 @@ def test_a_cloud_without_points_of_another_library_is_no_cloud():
         (pd.DataFrame(POINTS)[[2, 1, 0]], "x is missing among the columns 2, 1, 0: "),
         (frame("x y z", POINTS).astype({"y": str}), "the column y is of the type .*: give numbers"),
         (frame("x_mm y_mm z_mm", POINTS), 'state mm, but m is .*: give length_unit="mm"$'),
-        (frame("x_cm y_cm z_cm", POINTS), "state cm, but m is .*: give them in m, mm, in$"),
+        (frame("x_cm y_cm z_cm", POINTS), 'state cm, but m is .*: give length_unit="cm"$'),
+        (frame("x_nm y_nm z_nm", POINTS), "state nm, but m is .*: give them in m, mm, in, cm, ft$"),
     ],
 )
 def test_what_is_no_cloud_is_one_clear_line(points, says):

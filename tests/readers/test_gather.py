@@ -17,6 +17,7 @@ from wheelplane.readers.gather import PointRows, apply_pose, checked_pose, gathe
 from wheelplane.readers.memory import check_memory
 from wheelplane.readers.scan import Part, Scan
 from wheelplane.readers.source import Block, RawCloud, RawPart
+from wheelplane.units import LENGTH_UNITS, in_metres
 
 COUNT = 23
 RNG = np.random.default_rng(4)
@@ -103,7 +104,7 @@ def scan_of(folder, cuts, parts, unit="m"):
         return gather(cloud(cuts, parts), source, unit)
 
 
-@pytest.mark.parametrize("unit", ["m", "mm", "in"])
+@pytest.mark.parametrize("unit", LENGTH_UNITS)
 @settings(max_examples=25)
 @given(cuts=st.sets(st.integers(1, COUNT - 1)))
 def test_a_scan_does_not_depend_on_how_its_blocks_are_cut(tmp_path_factory, unit, cuts):
@@ -203,11 +204,11 @@ def test_more_rows_than_declared_and_none_at_all_are_refused(tmp_path, declared)
         gather(RawCloud(declared, True, raw.blocks, True, raw.parts), source, "m")
 
 
-@pytest.mark.parametrize("unit", ["m", "mm", "in"])
+@pytest.mark.parametrize("unit", LENGTH_UNITS)
 def test_the_pose_that_was_applied_stands_in_the_scan_in_metres(tmp_path, unit):
     T = pose(3)
     scan = scan_of(tmp_path, (), (RawPart("a", T), RawPart("b")), unit)
-    metres = {"m": 1.0, "mm": 1e-3, "in": 0.0254}[unit]
+    metres = in_metres(1.0, unit)
     np.testing.assert_allclose(scan.parts[0].station_m, metres * T[:3, 3], rtol=1e-15)
     assert scan.parts[0].T_file_scan[3].tolist() == [0.0, 0.0, 0.0, 1.0]
     assert scan.parts[0].axes.tolist() == T[:3, :3].T.tolist()

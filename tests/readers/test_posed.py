@@ -132,7 +132,9 @@ def test_an_identity_pose_leaves_every_bit(tmp_path):
     assert scan.points_m.tobytes() == np.ascontiguousarray(rows[:, :3]).tobytes()
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("in", 0.0254)])
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("mm", 1e-3), ("in", 0.0254), ("cm", 1e-2), ("ft", 0.3048)]
+)
 def test_points_and_poses_are_in_the_same_unit(tmp_path, unit, metres):
     T, rows = pose(1, 3000.0), table(1, 6, 2000.0)
     scan = read(tmp_path, "rr.ptx", ptx([(2, 3, T, rows)]), length_unit=unit)

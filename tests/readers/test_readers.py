@@ -280,7 +280,11 @@ def test_units_scale_with_one_rounding(tmp_path, name):
     assert (in_mm.points_m != expected * 0.001).any()
     in_inches = read_bytes(tmp_path, name, data, length_unit="in")
     assert in_inches.points_m.tobytes() == (expected * 0.0254).tobytes()
-    refuse(tmp_path, name, data, "'cm' is unknown: use m, mm, in", length_unit="cm")
+    in_cm = read_bytes(tmp_path, name, data, length_unit="cm")
+    assert in_cm.points_m.tobytes() == (expected / 100).tobytes()
+    in_feet = read_bytes(tmp_path, name, data, length_unit="ft")
+    assert in_feet.points_m.tobytes() == (expected * 0.3048).tobytes()
+    refuse(tmp_path, name, data, "'km' is unknown: use m, mm, in, cm, ft", length_unit="km")
 
 
 @each

@@ -9,6 +9,7 @@ import pytest
 
 from wheelplane.errors import InputError
 from wheelplane.readers import ReadOptions, read_scan
+from wheelplane.units import LENGTH_UNITS
 
 POINTS = np.round(np.random.default_rng(7).uniform(-2, 2, (6, 3)), 4)
 SHADES = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]
@@ -142,7 +143,8 @@ def test_columns_are_known_by_what_exporters_call_them(tmp_path, head):
         ("x(mm);y(mm);z(mm)", "in mm"),
         ("X_mm;Y_mm;Z_mm", "in mm"),
         ("X_in;Y_in;Z_in", "states lengths in in, but .* --length-unit in, or length_unit = "),
-        ("x [cm];y [cm];z [cm]", "states lengths in cm, but .*: export them in m, mm, in"),
+        ("X_ft;Y_ft;Z_ft", "states lengths in ft, but .* --length-unit ft, or length_unit = "),
+        ("x [µm];y [µm];z [µm]", "states lengths in µm, but .*: export them in m, mm, in, cm, ft"),
         ("x [px];y [px];z [px]", "states lengths in px"),
         ("x;y;z\nmm;mm;mm", "in mm"),
         ("x;y;z\n[mm];[mm];[mm]", "in mm"),
@@ -181,7 +183,7 @@ def test_lines_that_state_no_unit_or_several(tmp_path):
     refuse(tmp_path, f"# Unit: mm\n# Unit: in\n{rows()}", "state the units in, mm: state one")
 
 
-@pytest.mark.parametrize("unit", ["m", "mm", "in"])
+@pytest.mark.parametrize("unit", LENGTH_UNITS)
 @pytest.mark.parametrize("head", ["X [{0}];Y [{0}];Z [{0}];I [-]", "x;y;z;i\n{0};{0};{0};-"])
 def test_a_unit_in_the_header_that_agrees_is_used(tmp_path, unit, head):
     scan = read(tmp_path, head.format(unit) + "\n" + rows(";"), unit=unit)

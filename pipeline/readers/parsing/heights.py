@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ...system import frozen
+from ...units import LENGTH_UNITS, in_metres
 from ...vectors import Array
 from ..faults import fault
 from ..source import Block, Source
@@ -24,7 +25,7 @@ _PITCH = {
     "x": re.compile(f"x{_OF}|{_OF}x"),
     "y": re.compile(f"y{_OF}|{_OF}y"),
 }
-_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "in": 0.0254, "ft": 0.3048}
+_METRES = {"µm": 1e-6, "nm": 1e-9} | {unit: in_metres(1.0, unit) for unit in LENGTH_UNITS}
 _INTEGER_LIMITS = (-32768.0, -2147483648.0)
 _FEWEST_NINES, _FEWEST_IN_STEPS, _LONGEST_LINE = 4, 8, 200
 _APART = 0.25  # of the span of the other heights: a mark lies farther from the nearest of them

@@ -10,13 +10,13 @@ from typing import Any, get_args
 from ...config import config_folder
 from ...measurement import BY_MODEL, VerticalKind
 from ...readers import ReadOptions
+from ...units import LENGTH_UNITS
 from ..security import RefusedError
 
-UNITS = ("m", "mm", "in")
 ANGLE_UNITS = ("deg", "gon", "rad")
 SCALAR: dict[str, tuple[str, ...]] = {
     "read_as": ("five-point", "cloud"),
-    "length_unit": UNITS,
+    "length_unit": LENGTH_UNITS,
     "up": ("auto", "floor", "z"),
     "vertical": get_args(VerticalKind),
     "coordinates": ("cartesian", "spherical"),
