@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.support.batches import call
 from tests.support.paths import DATA
-from wheelplane.diagnostics.plausibility import length
+from wheelplane.diagnostics.plausibility import COMMON_UNITS, length
 from wheelplane.diagnostics.selftest import certified_folder
 from wheelplane.errors import InputError
 from wheelplane.five_point.file import read_five_point
@@ -297,8 +297,8 @@ def test_length_unit(tmp_path, unit, metres):
 
 
 @pytest.mark.parametrize("size_m", [1.25, 2.04, 12.0])
-@pytest.mark.parametrize("written", LENGTH_UNITS)
-@pytest.mark.parametrize("read", LENGTH_UNITS)
+@pytest.mark.parametrize("written", COMMON_UNITS)
+@pytest.mark.parametrize("read", COMMON_UNITS)
 def test_a_vehicle_of_any_size_in_another_unit_is_refused(tmp_path, size_m, written, read):
     """From a kart to a long lorry; the message names the distance as read and the right unit."""
     path = tmp_path / "five.txt"
@@ -522,12 +522,32 @@ def test_summary_is_in_degrees_minutes_seconds():
     assert full[4] == "+01°40'11.5\""
 
 
+@pytest.mark.parametrize("written", LENGTH_UNITS)
+@pytest.mark.parametrize("read", LENGTH_UNITS)
+def test_a_usual_vehicle_in_another_unit_is_refused_or_noted(tmp_path, written, read):
+    """Metres and feet, or inches and centimetres, are too alike for vehicles of any size."""
+    path = tmp_path / "five.txt"
+    np.savetxt(path, figure_4().reshape(-1, 3) / in_metres(1.0, written), fmt="%.9f")
+    try:
+        notes = measure_five_point(read_five_point(path, length_unit=read), check=False).notes
+    except InputError as error:
+        notes = [str(error)]
+    named = [note for note in notes if "unit" in note and "vehicle" in note]
+    assert len(named) == (read != written)
+
+
 @pytest.mark.parametrize(
     ("factor", "unit", "proposed"),
-    [(1e3, "m", "mm"), (1e3 / 25.4, "m", "in"), (1e-3, "mm", "m"), (100.0, "m", None)],
+    [
+        (1e3, "m", "mm"),
+        (1e3 / 25.4, "m", "in"),
+        (1e-3, "mm", "m"),
+        (100.0, "m", "cm"),
+        (1e5, "m", None),
+    ],
 )
 def test_a_unit_is_proposed_only_if_it_makes_a_vehicle(tmp_path, factor, unit, proposed):
-    """Centimetres read as inches are a track of 3.8 m: no unit is right, and none is proposed."""
+    """Of a track of 150 km no unit is right, and none is proposed."""
     path = tmp_path / "five.txt"
     own = in_metres(1.0, unit) if unit == "mm" else 1.0
     scale = factor if unit == "m" else factor / own

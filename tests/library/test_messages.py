@@ -120,7 +120,7 @@ def test_no_error_of_a_measurement_names_an_option(form, tmp_path):
 @pytest.mark.parametrize(
     ("call", "says"),
     [
-        (lambda path: wp.read_five_point(path, length_unit="ft"), "length_unit is 'ft': give"),
+        (lambda path: wp.read_five_point(path, length_unit="km"), "length_unit is 'km': give"),
         (lambda path: wp.read_five_point(path, coordinates="spherical"), "give angle_unit deg"),
         (lambda path: wp.measure(path.parent, vertical="gravity"), ": vertical gravity: "),
     ],
