@@ -29,7 +29,7 @@ def uncut_sectors(
     """Return the sectors (SECTORS,) of edges that no crop can have cut; None: all, or unknown.
 
     Unknown where no edge has a background. near: points (N, 3) about the outline, in the plane's
-    coordinates; face: those on the target (M, 2). state: (14,) of the edge, as in beams.py; the
+    coordinates; face: those on the target (M, 2). state: (16,) of the edge, as in beams.py; the
     target's points lie within band_m of its plane, spacing_m apart.
     """
     if not outline.shows_rotation:

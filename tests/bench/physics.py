@@ -156,6 +156,8 @@ CASES: dict[str, Case] = {
     "lines-level": Case(PLAIN | LINES | {"beam.scan_lines": "rows"}),
     "lambert": Case(PLAIN | QUIET | LAMBERT),
     "gaussian": Case(PLAIN | QUIET | GAUSSIAN),
+    "elliptic-1.3": Case(PLAIN | QUIET | GAUSSIAN | {"beam.spot_aspect": 1.3}),
+    "elliptic-1.6": Case(PLAIN | {"beam.spot_aspect": 1.6}),
     "gaussian-lambert": Case(PLAIN | QUIET | GAUSSIAN | LAMBERT),
     "dark-half-0.1": Case(PLAIN | HALF | {"beam.brightness_bias_m": 0.0001}),
     "dark-half-0.3": Case(PLAIN | HALF | {"beam.brightness_bias_m": 0.0003}),

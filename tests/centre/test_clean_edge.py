@@ -12,6 +12,7 @@ from tests.support.scenes import Setup, make
 from wheelplane.centre.edge.beams import (
     BEAM,
     CHAMFER,
+    ELLIPSE,
     GROWTH,
     INVERSE,
     RATIO,
@@ -154,12 +155,12 @@ AT_MODEL = {2: 0.06, 3: 0.1, 4: 0.08}  # missed by beams, whose slopes are at th
 
 @pytest.mark.parametrize("rough", [False, True])
 @pytest.mark.parametrize("chamfer_m", [0.0, 4e-4])
-@pytest.mark.parametrize("index", range(STATE))
+@pytest.mark.parametrize("index", range(STATE)[: ELLIPSE.start])  # a clean edge's beams are round
 def test_slopes_are_those_of_central_differences(index, chamfer_m, rough):
     problem = problem_of("rectangle", 20.0)
     state = problem.prior.mean.copy()
     state[BEAM], state[INVERSE] = [-0.3152, -0.182], 0.42
-    state[ROTATION], state[9:] = 0.002, [0.9, 0.4, 0.0, chamfer_m, 0.0]
+    state[ROTATION], state[9:] = 0.002, [0.9, 0.4, 0.0, chamfer_m, 0.0, 0.0, 0.0]
     step = np.zeros(STATE)
     step[index] = 1e-9 if index in (0, 1, 8) else 1e-7
     here, ahead, behind = (

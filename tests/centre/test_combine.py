@@ -18,6 +18,7 @@ from wheelplane.centre.combine import (
     combined,
     reconciled,
 )
+from wheelplane.centre.edge.beams import STATE
 from wheelplane.centre.edge.solution import INHERITED, common_m2
 from wheelplane.errors import NotMeasuredError
 
@@ -105,10 +106,10 @@ def test_errors_that_oppose_each_other_make_no_mean_more_certain():
 def test_an_edge_that_begins_with_what_another_shows_shares_its_errors():
     """Both fits by plain least squares, 4,000 times: their centres vary together as stated."""
     rng, of_plate, draws = np.random.default_rng(10), len(INHERITED), 4000
-    shown = np.zeros((14, 14))
+    shown = np.zeros((STATE, STATE))
     plate = [0, 1, *INHERITED]
     first_rows, other_rows = rng.normal(size=(2, 20, 2 + of_plate))
-    known = np.full(14, 1e-9)
+    known = np.full(STATE, 1e-9)
     known[list(INHERITED)] = 30.0
     covariance = []
     for rows, before in ((first_rows, 0.0), (other_rows, 30.0)):

@@ -12,6 +12,7 @@ from wheelplane.centre.edge.beams import (
     CENTRE,
     CHAMFER,
     CLEAN_SPOT,
+    ELLIPSE,
     GROWTH,
     HELD_BEAM,
     HELD_MODULATION,
@@ -453,6 +454,7 @@ def test_of_few_points_those_between_both_sides_are_mixed(
 def test_each_place_in_a_state_is_of_one_quantity():
     places = [*range(STATE)[CENTRE], *range(STATE)[BEAM], INVERSE]
     places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE, GROWTH, CHAMFER, MODULATION]
+    places += range(STATE)[ELLIPSE]
     assert places == list(range(STATE))
 
 

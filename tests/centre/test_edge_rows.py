@@ -14,6 +14,7 @@ from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
     CHAMFER,
+    ELLIPSE,
     INVERSE,
     MODULATION,
     RATIO,
@@ -24,6 +25,7 @@ from wheelplane.centre.edge.beams import (
     THICKNESS,
     WALL,
     Prior,
+    across_beam,
     bevel_reflectance,
     carry,
     carry_near,
@@ -118,6 +120,7 @@ def test_slopes_by_the_state_are_those_of_any_profile(outline):
             + by[4] * at[RATIO] + by[5] * wall + by[6] * at[SHAPE] + by[7] * at[CHAMFER]
             + by[8] * beams.tau + by[9] * bevel_reflectance(beams.tau, at[WALL])
             + by[10] * at[MODULATION] * (1.0 + state[BEAM] @ state[BEAM])
+            + by[2] * (at[ELLIPSE] @ across_beam(beams, state))
         )  # fmt: skip
 
     none = np.zeros(400)

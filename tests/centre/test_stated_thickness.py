@@ -157,6 +157,7 @@ def test_a_thickness_is_doubted_where_few_points_or_the_prior_may_hide_a_wrong_o
     monkeypatch.setattr(mixed_fit, "_best", best)
     monkeypatch.setattr(mixed_fit, "_again", again)
     monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "_as_ellipse", lambda *_: None)
     monkeypatch.setattr(mixed_fit, "_with_curves", lambda fitted, *_: fitted)
     monkeypatch.setattr(mixed_fit, "pointing_m", lambda problem, *_: problem.pointing_m)
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: off)
@@ -191,6 +192,7 @@ def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, l
     remaining = iter(solutions)
     monkeypatch.setattr(mixed_fit, "_best", lambda problem, *args: (problem, next(remaining)))
     monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "_as_ellipse", lambda *_: None)
     monkeypatch.setattr(mixed_fit, "_with_curves", lambda fitted, *_: fitted)
     monkeypatch.setattr(mixed_fit, "pointing_m", lambda problem, *_: problem.pointing_m)
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: off)
@@ -221,6 +223,7 @@ def test_a_wall_as_deep_as_what_lies_beyond_it_is_none(monkeypatch, wall, neares
     monkeypatch.setattr(mixed_fit, "_best", lambda problem, *args: (problem, next(remaining)))
     monkeypatch.setattr(mixed_fit, "_again", lambda *args: starts.append(args) or solutions[0])
     monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(mixed_fit, "_as_ellipse", lambda *_: None)
     monkeypatch.setattr(mixed_fit, "_with_curves", lambda fitted, *_: fitted)
     shares = []
     monkeypatch.setattr(mixed_fit, "_as_if_sharp", lambda _, one: shares.append(one) or one)

@@ -167,7 +167,8 @@ class Setup:
     """What stands where and how it is scanned; lengths in metres, angles in degrees.
 
     background_m: depth of a plane behind the face, None for none; background_tilt_deg: its tilt.
-    noise_m: along the range. spot_m: radius of the bundle. filtered: beams whose rays differ by
+    noise_m: along the range. spot_m: radius of the bundle, spot_aspect: its length over its width,
+    of the same area. filtered: beams whose rays differ by
     more than 2 mm return nothing. extra: pieces besides the plate and the background.
     keep: which beams return, by where they meet w = 0, in (u, v); None for all.
     correlated_m, length_m: noise along the range besides, of correlation exp(-d^2 / (2 length^2))
@@ -194,6 +195,7 @@ class Setup:
     noise_m: float = 0.0008
     pointing_m: float = 0.0
     spot_m: float = 0.0015
+    spot_aspect: float = 1.0
     filtered: bool = False
     dropout: float = 0.0
     keep: Callable[[Array, Array], Array] | None = None
@@ -403,7 +405,8 @@ def _returns(
     range_m, met = _trace(pieces, np.broadcast_to(scanner, ray.shape), ray)
     pure, light = np.ones(len(ray), dtype=bool), np.ones(len(ray))
     if setup.spot_m > 0.0:
-        reach = int(np.ceil(1.05 * setup.spot_m / setup.spacing_m))
+        longest_m = setup.spot_m * np.sqrt(setup.spot_aspect)
+        reach = int(np.ceil(1.05 * longest_m / setup.spacing_m))
         near = _near_change(met.reshape(shape), reach)
         if setup.printed is not None:
             near |= met == 0
@@ -453,7 +456,8 @@ def _mean_range(
     turn = opposite + rng.uniform(0, 2 * np.pi, (len(ray), 1))
     first = np.cross(ray, [0.36, 0.48, 0.8])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(ray, first)
+    second = np.cross(ray, first) / np.sqrt(setup.spot_aspect)
+    first *= np.sqrt(setup.spot_aspect)
     origin = (
         scanner
         + (place * np.cos(turn))[..., None] * first[:, None, :]

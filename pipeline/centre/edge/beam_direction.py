@@ -82,7 +82,7 @@ def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) 
 
 @frozen(eq=False)
 class Shadow:
-    """State (14,) whose beams explain the shadow's edge in so many of the sectors that show it."""
+    """State (16,) whose beams explain the shadow's edge in so many of the sectors that show it."""
 
     state: Array
     agreeing: int

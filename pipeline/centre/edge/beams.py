@@ -204,19 +204,25 @@ def mixed_share_of_few(
     return float(np.count_nonzero(mixed) / max(int(np.count_nonzero(near)), 1))
 
 
-# A state is (14,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
+# A state is (16,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
 # ratio, in-plane rotation, Lambert's share in the wall's reflectance, spot shape, growth: how much
-# farther out the target's edge lies than its stated size, all round, width of its chamfer, and
-# modulation of a phase-shift scanner, see `sum_of_phases`.
-STATE = 14
+# farther out the target's edge lies than its stated size, all round, width of its chamfer,
+# modulation of a phase-shift scanner, see `sum_of_phases`, and ellipse of the spot, see
+# `footprint_m`.
+STATE = 16
 CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
 SPOT, THICKNESS, RATIO, ROTATION = 5, 6, 7, 8
 WALL, SHAPE, GROWTH, CHAMFER, MODULATION = 9, 10, 11, 12, 13
+ELLIPSE = slice(14, 16)
 LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
 RATIO_LOG = 1.5  # of the log of a reflectance ratio (k = 1)
 EXPONENT_LOG = 0.5  # of the exponent by which intensities follow power (k = 1)
 # Of the log footprint (k = 1), and of that of such a scanner or a camera, where it is finer.
 SPOT_LOG, CLEAN_SPOT = 0.7, 2.0
+# Of what a footprint is longer than wide, see `footprint_m` (k = 1): 1.3 times as long; of a round
+# one; of another edge of one scan.
+ELLIPSE_LOG, HELD_ELLIPSE, ALIKE_ELLIPSE = 0.13, 1e-5, 0.03
+MORE_ELLIPSE = 10.0  # than a held one may seem
 LEAST_WALL = 0.02  # reflectance of a wall, of the target's
 STATED_THICKNESS, WRONG_THICKNESS = 0.03, 1.0  # relative: of a stated one; of a wrong one (k = 1)
 HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 1)
@@ -241,7 +247,7 @@ PARALLEL = 1e-3  # inverse distance, 1/m, up to which beams count as parallel
 
 @frozen(eq=False)
 class Prior:
-    """Prior of the state: mean and weight, one over the variance; (14,) each."""
+    """Prior of the state: mean and weight, one over the variance; (16,) each."""
 
     mean: Array
     weight: Array
@@ -250,7 +256,8 @@ class Prior:
     def of(cls, thickness_m: float | None, config: CentreConfig) -> Prior:
         """Return the prior for a target of that thickness, if known, and the set footprint.
 
-        Of sharp edges and mean ranges, see `bevelled`, `of_chamfer` and `by_phase`.
+        Of sharp edges, mean ranges and round beams, see `bevelled`, `of_chamfer`, `by_phase` and
+        `elliptic`.
         """
         known, modulation, by_phase = thickness_m is not None, 0.0, HELD_MODULATION
         if config.ambiguity_m:
@@ -258,13 +265,16 @@ class Prior:
             by_phase = STATED_MODULATION * modulation
         thickness = thickness_m if thickness_m is not None else 0.008
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
-        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, modulation])
+        mean = np.array(
+            [0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, modulation, 0.0, 0.0]
+        )
         known_log = STATED_THICKNESS if known else WRONG_THICKNESS
         sigma = [0.01, 0.01, 3.0, 3.0, 0.3, SPOT_LOG, known_log, RATIO_LOG, ROTATION_RAD]
-        return cls(mean, 1.0 / np.array([*sigma, 0.5, 0.5, SIZE_M, HELD_SIZE_M, by_phase]) ** 2)
+        sigma += [0.5, 0.5, SIZE_M, HELD_SIZE_M, by_phase, HELD_ELLIPSE, HELD_ELLIPSE]
+        return cls(mean, 1.0 / np.array(sigma) ** 2)
 
     def seen_from(self, station: Array, state: Array) -> Prior:
-        """Return the prior for beams that come from a station (3,), about a state (14,)."""
+        """Return the prior for beams that come from a station (3,), about a state (16,)."""
         mean, weight = pointed(self.mean, station, state[CENTRE]), self.weight.copy()
         slant = 1.0 + float(mean[BEAM] @ mean[BEAM])
         weight[BEAM] = (station[2] / STATION_M) ** 2 / slant
@@ -272,13 +282,13 @@ class Prior:
         return Prior(mean, weight)
 
     def from_afar(self, state: Array) -> Prior:
-        """Return the prior for beams from about the distance of a state (14,)."""
+        """Return the prior for beams from about the distance of a state (16,)."""
         mean = self.mean.copy()
         mean[INVERSE] = state[INVERSE]
         return Prior(mean, self.weight)
 
     def held(self, state: Array) -> Prior:
-        """Return the prior with thickness and beams held near the start (14,)."""
+        """Return the prior with thickness and beams held near the start (16,)."""
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[BEAM] = state[BEAM]
         weight[BEAM] = np.maximum(weight[BEAM], HELD_BEAM**-2)
@@ -321,6 +331,12 @@ class Prior:
         """Return the prior of a scanner that may add phases, instead of one that measures means."""
         return self._known_to(MODULATION_SIGMA, MODULATION)
 
+    def elliptic(self) -> Prior:
+        """Return the prior of beams that may be longer than wide, instead of round ones."""
+        weight = self.weight.copy()
+        weight[ELLIPSE] = ELLIPSE_LOG**-2
+        return Prior(self.mean, weight)
+
     def of_chamfer(self, chamfer_m: float | None) -> Prior:
         """Return the prior with a chamfer of that width; None: the same."""
         if chamfer_m is None:
@@ -342,7 +358,7 @@ class Prior:
         return Prior(mean, weight).known_size()
 
     def towards(self, state: Array) -> Prior:
-        """Return the prior at a state (14,): a footprint may be far finer than set, not wider."""
+        """Return the prior at a state (16,): a footprint may be far finer than set, not wider."""
         if state[SPOT] <= self.mean[SPOT]:
             return self
         return self._known_to(min(SPOT_LOG, self.weight[SPOT] ** -0.5), SPOT)
@@ -366,8 +382,13 @@ class Prior:
         weight[WALL], weight[SHAPE] = HELD_WALL**-2, HELD_WALL**-2
         return Prior(mean, weight).sized()
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it holds the wall and the spot's shape."""
+        return bool(self.weight[SHAPE] >= HELD_WALL**-2)
+
     def off(self, state: Array, which: slice = slice(None)) -> float:
-        """Return the square of how far a state (14,) lies from the mean, in standard deviations."""
+        """Return the square of how far a state (16,) lies from the mean, in standard deviations."""
         return float(np.sum(self.weight[which] * (state - self.mean)[which] ** 2))
 
     def unsized(self) -> Prior:
@@ -393,7 +414,7 @@ class Prior:
 
     @classmethod
     def beside(cls, state: Array, chamfer_u_m: float, modulation_u: float) -> Prior:
-        """Return the prior for another edge of a target whose first edge has that state (14,).
+        """Return the prior for another edge of a target whose first edge has that state (16,).
 
         Both are of one plate, whose thickness a hole shows worse than the rim. chamfer_u_m,
         modulation_u: standard uncertainties by the first edge.
@@ -406,11 +427,13 @@ class Prior:
             alike_m = float(np.hypot(ALIKE_CHAMFER_M, chamfer_u_m))
         if modulation_u > MORE * HELD_MODULATION:
             alike = float(np.hypot(ALIKE_MODULATION, modulation_u))
-        return cls(mean, 1.0 / np.array([*sigma, SIZE_M, alike_m, alike]) ** 2)
+        is_round = float(np.abs(state[ELLIPSE]).max()) < MORE_ELLIPSE * HELD_ELLIPSE
+        sigma += [SIZE_M, alike_m, alike, *2 * [HELD_ELLIPSE if is_round else ALIKE_ELLIPSE]]
+        return cls(mean, 1.0 / np.array(sigma) ** 2)
 
 
 def pointed(state: Array, station: Array, centre: Array) -> Array:
-    """Return a state (14,) whose beams come from a station (3,) to a centre (2,)."""
+    """Return a state (16,) whose beams come from a station (3,) to a centre (2,)."""
     state = state.copy()
     state[BEAM] = (centre - station[:2]) / station[2]
     state[INVERSE] = 1.0 / station[2]
@@ -470,17 +493,41 @@ def _dimmer(tau: Array) -> Array:
     return np.asarray((1.0 + tau) / np.sqrt(2.0) - 1.0)
 
 
-def footprint_m(tau: Array, state: Array) -> Array:
-    """Return the radius (N,) of footprints across the edge, of beams that run inwards by tau."""
+def round_footprint_m(tau: Array, state: Array) -> Array:
+    """Return the radius (N,) across the edge of round beams that run inwards by tau."""
     return np.asarray(np.exp(state[SPOT]) * np.sqrt(1.0 + tau**2))
 
 
-def reaching(x_m: Array, tau: Array, state: Array) -> npt.NDArray[np.intp]:
-    """Return the rows of beams whose footprints reach over the edge, x_m (N,) outside it.
+def footprint_m(beams: Beams, state: Array) -> Array:
+    """Return the radius (N,) of footprints across the edge.
+
+    That of round beams by a factor: with the ellipse e of a state, log r = e_1 cos 2a + e_2 sin 2a
+    in the direction a across the beam. An ellipse whose axes differ by a factor k, in logs by
+    2 |e| = log k, is so to the square of e.
+    """
+    stretched = np.exp(state[ELLIPSE] @ across_beam(beams, state))
+    return np.asarray(round_footprint_m(beams.tau, state) * stretched)
+
+
+def across_beam(beams: Beams, state: Array) -> Array:
+    """Return cos 2a and sin 2a (2, N) of the directions a across the beam that edges part.
+
+    An edge whose normal is rho parts a beam of the slope g, as a plane across it sees that, along
+    rho + g (g . rho) / (1 + sqrt(1 + g^2)).
+    """
+    beam = state[BEAM]
+    part = beams.rho @ beam / (1.0 + np.sqrt(1.0 + beam @ beam))
+    u, v = beams.rho.T + beam[:, None] * part
+    uu, vv = u * u, v * v
+    return np.asarray(np.stack([uu - vv, 2.0 * u * v]) / (uu + vv))
+
+
+def reaching(beams: Beams, state: Array) -> npt.NDArray[np.intp]:
+    """Return the rows of beams whose footprints reach over the edge.
 
     Those of others lie on the face: their returns show the face, whatever the state.
     """
-    return np.flatnonzero(x_m > -END * footprint_m(tau, state) - state[CHAMFER])
+    return np.flatnonzero(beams.x_m > -END * footprint_m(beams, state) - state[CHAMFER])
 
 
 def carry(plane: Array, depth: Array, state: Array, outline: Outline) -> Beams:

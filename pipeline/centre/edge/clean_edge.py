@@ -38,6 +38,7 @@ from .beams import (
     bevel_slopes,
     footprint_m,
     reaching,
+    round_footprint_m,
     wall_reflectance,
 )
 from .edge_residuals import (
@@ -125,7 +126,7 @@ def gapped_equations(
 
 @frozen(eq=False)
 class _Parted:
-    """Where returns part by the slope of the wall against the beams: state (14,), slopes tau (K,).
+    """Where returns part by the slope of the wall against the beams: state (16,), slopes tau (K,).
 
     tau: evenly spaced. tables: x* and its derivatives (10, K), of points on the target and of those
     beside it; one of both. filtered: whether beams are missing on both sides of x*.
@@ -202,7 +203,7 @@ def fanned(beams: Beams, state: Array) -> Beams:
 
 
 def first_state(state: Array) -> Array:
-    """Return a state (14,) whose wall parts from the background as the face does."""
+    """Return a state (16,) whose wall parts from the background as the face does."""
     state = state.copy()
     state[WALL] = FACE
     return state
@@ -352,7 +353,7 @@ def _edges(tau: Array, state: Array) -> tuple[Array, Array, Array]:
     ends = np.where(tau > 0.0, np.exp(state[THICKNESS]), state[CHAMFER])
     ends_m = np.stack([nothing - state[CHAMFER], state[CHAMFER] * tau, ends * tau])
     steps = np.stack([1.0 - bevel, bevel - wall, wall + np.exp(state[RATIO])])
-    return ends_m, steps, footprint_m(tau, state)
+    return ends_m, steps, round_footprint_m(tau, state)
 
 
 def mean_depths(
@@ -371,13 +372,13 @@ def mean_depths(
     intensities, which show it better, the others move centres less.
     """
     rows = np.flatnonzero(chosen)
-    parts = reaching(beams.x_m[rows], beams.tau[rows], state)
+    parts = reaching(beams.taken(rows), state)
     z, cut = problem.depth[rows], beams.taken(rows[parts])
     steep = state[BEAM, None] + state[INVERSE] * cut.q_m.T
     square = 1.0 + np.sum(steep**2, axis=0)
     slant = (cut.tau + cut.bent) / square
     wall = np.maximum(_wall_slope(cut, float(np.exp(state[THICKNESS]))), 0.0)
-    spot_m = footprint_m(cut.tau, state)
+    spot_m = footprint_m(cut, state)
     profile = _mean_depth(cut.x_m, wall, slant, spot_m, state, cut.tau, alone)
     if alone:
         # Beams that run otherwise see another slant, and have footprints that grew otherwise.

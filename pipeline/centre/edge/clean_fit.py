@@ -155,7 +155,7 @@ def _shows_form(problem: EdgeProblem, parted: Solution) -> bool:
 def _filtered(
     problem: EdgeProblem, state: Array, parted: Equations, config: CentreConfig
 ) -> EdgeFit | None:
-    """Fit an edge whose beams were filtered out, from a state (14,); None where there is no gap.
+    """Fit an edge whose beams were filtered out, from a state (16,); None where there is no gap.
 
     parted: of the likeliest edge where returns part, whose background may explain more. The centre
     is the mean over what may be left of the wall, by how likely that is. A wall that returns as the
@@ -207,7 +207,7 @@ def _left_m(linear: Equations) -> float:
 
 
 def _gapped(problem: EdgeProblem, state: Array, most: int, wall: Wall) -> Solution:
-    """Return the solution whose edge is in the middle of a gap, from a state (14,)."""
+    """Return the solution whose edge is in the middle of a gap, from a state (16,)."""
 
     def linearise(at: Array, iteration: int) -> Equations:
         return gapped_equations(problem, at, iteration > ROBUST, iteration <= ROUGHLY, wall)
@@ -224,7 +224,7 @@ def _covered(linear: Equations) -> float:
 
 
 def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | None:
-    """Fit a clean edge to the intensities beside it, from a state (14,) of where its returns part.
+    """Fit a clean edge to the intensities beside it, from a state (16,) of where its returns part.
 
     None where they do not fade over the edge as a footprint's power does, all round. Without a
     chamfer that is not stated: one would explain intensities that follow no power.
@@ -296,7 +296,7 @@ def _by_size(
 
 
 def _likelier(problem: EdgeProblem, found: Solution, state: Array, most: int) -> Solution:
-    """Return the likelier of a solution and the one to which a likelier state (14,) leads.
+    """Return the likelier of a solution and the one to which a likelier state (16,) leads.
 
     The latter only where it explains no less. Depths of an edge have several solutions: a wide
     footprint passes for a narrow chamfer.
@@ -310,7 +310,7 @@ def _likelier(problem: EdgeProblem, found: Solution, state: Array, most: int) ->
 
 
 def _grown(problem: EdgeProblem, state: Array, most: int) -> Solution:
-    """Return the solution with a size that is hardly known, from a state (14,) of the stated one.
+    """Return the solution with a size that is hardly known, from a state (16,) of the stated one.
 
     A clean edge lies elsewhere all round by what the scanner reports, or by the target's size: this
     fit begins with the latter.
@@ -405,7 +405,7 @@ def _iterated(
 
     Damped ones begin roughly: far off, depths of an edge would pass for those of its chamfer.
 
-    linearise: equations at a state (14,), in an iteration from `first`, up to `most`.
+    linearise: equations at a state (16,), in an iteration from `first`, up to `most`.
     """
     known = problem.prior.as_likely()
     for iteration in range(min(first, most), most + 1):

@@ -190,7 +190,7 @@ def _intensities(
     """Return the rows of Equations for the intensities of target points: q to by_height."""
     chosen = np.flatnonzero(beside & np.isfinite(_known(problem)))
     beams = beams.taken(chosen)
-    parts = reaching(beams.x_m, beams.tau, state)
+    parts = reaching(beams, state)
     cut = beams.taken(parts)
     profile = intensity_profile(cut, state)
     model, d_x = np.ones(len(chosen)), np.zeros(len(chosen))
@@ -219,7 +219,7 @@ def intensity_profile(beams: Beams, state: Array) -> EdgeProfile:
     And its derivatives, by the log of the exponent instead of that of the reflectance ratio.
     """
     thickness, exponent = float(np.exp(state[THICKNESS])), float(np.exp(state[EXPONENT]))
-    spot_m = footprint_m(beams.tau, state)
+    spot_m = footprint_m(beams, state)
     facing, chamfer = np.maximum(beams.tau, 0.0), float(state[CHAMFER])
     a, c = (beams.x_m + chamfer) / spot_m, (beams.x_m - chamfer * beams.tau) / spot_m
     b = np.where(beams.tau > 0.0, (beams.x_m - thickness * facing) / spot_m, c)

@@ -15,6 +15,7 @@ from ...vectors import Array, Mask, Rows
 from .beams import (
     BEAM,
     CHAMFER,
+    ELLIPSE,
     GROWTH,
     INVERSE,
     MODULATION,
@@ -27,6 +28,7 @@ from .beams import (
     Background,
     Beams,
     Prior,
+    across_beam,
     bevel_reflectance,
     bevel_slopes,
     carry,
@@ -49,7 +51,9 @@ CURVED, CURVED_M, TINY = 0.1, 0.001, 1e-300
 SECTORS = 24  # of the outline, taken as independent of each other
 ZONES = 48  # of the outline, each with a reflectance of its background; within one sector each
 # Longest step of each parameter.
-LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 5e-4, 5e-4, 50.0])
+LIMIT = np.array(
+    [0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 5e-4, 5e-4, 50.0, 0.1, 0.1]
+)
 ZONE_LOG, ALIKE_LOG = 1.0, 1e-4  # scatter of their logs: where they may differ, and where not
 CHANCE = 1.5  # standard deviations of what zones explain by chance
 LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
@@ -195,7 +199,7 @@ class Equations:
     """Points near the edge, linearised: residual = slopes @ step.
 
     q_m: (N, 2) where their beams met the plane, relative to the centre; share: (N,) of the outline.
-    residual_m: (N,). slopes: (N, 14). weight: (N,) robust, over the variance. change: (N,)
+    residual_m: (N,). slopes: (N, 16). weight: (N,) robust, over the variance. change: (N,)
     derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
     by the plane's height. depths: number of first rows that are
     depths; the others are places of the edge, the last `behind` of them on the background.
@@ -289,16 +293,16 @@ class Equations:
     def by_zone(self, weight: Array) -> tuple[Array, Array]:
         """Return the products of slopes by zones' ratios and by the state, weighted (N,).
 
-        (ZONES,) with each zone itself and its prior, (14, ZONES) with the state.
+        (ZONES,) with each zone itself and its prior, (16, ZONES) with the state.
         """
         products = weight * self.slopes[:, RATIO] * self.slopes.T
         cross = np.stack([self.zone_sum(one) for one in products])
         return cross[RATIO] + self.zones.weight, cross
 
     def eliminated(self, own: Array, cross: Array, prior: Prior) -> tuple[Array, Array]:
-        """Return slopes (N, 14) without what the zones' ratios take, and what is known before.
+        """Return slopes (N, 16) without what the zones' ratios take, and what is known before.
 
-        own, cross: as of `by_zone`. (14, 14) of the prior, and of that of the zones.
+        own, cross: as of `by_zone`. (16, 16) of the prior, and of that of the zones.
         """
         taken = (cross / own).take(self.zone, axis=1) * self.slopes[:, RATIO]
         slopes = (self.slopes.T - taken).T
@@ -415,7 +419,7 @@ def predicted(
         beams.x_m,
         beams.tau,
         behind,
-        footprint_m(beams.tau, state),
+        footprint_m(beams, state),
         float(np.exp(state[THICKNESS])),
         np.exp(log_ratio),
         wall_reflectance(facing, state)[0],
@@ -463,7 +467,7 @@ def pointing_m(problem: EdgeProblem, background: Background, state: Array, zones
 def step(
     linear: Equations, state: Array, prior: Prior, newton: bool = False, ahead: bool = False
 ) -> tuple[Array, Zones]:
-    """Return one robust Gauss-Newton step (14,) of limited length, and the zones after it.
+    """Return one robust Gauss-Newton step (16,) of limited length, and the zones after it.
 
     The zones' ratios are eliminated (Schur complement). newton: near a solution, with the
     derivative of the estimating equations instead of the information. ahead: the scanner stays
@@ -526,7 +530,7 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
 def spread(
     linear: Equations, outline: Outline, prior: Prior, few: bool = False
 ) -> tuple[Array, Array, float]:
-    """Return covariance (14, 14) of the state, derivatives (14, 3) by the plane, and dof.
+    """Return covariance (16, 16) of the state, derivatives (16, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
     of the outline: the variances in the weights need not be right, nor the points of a sector
@@ -549,7 +553,7 @@ def spread(
 
 
 def along(linear: Equations, prior: Prior, which: int) -> Array:
-    """Return by how much the state (14,) moves where one parameter is held, per its distance."""
+    """Return by how much the state (16,) moves where one parameter is held, per its distance."""
     column = _normal_equations(linear, prior)[3][which]
     return np.asarray(column / column[which])
 
@@ -563,7 +567,7 @@ def _normal_equations(linear: Equations, prior: Prior) -> tuple[Array, Array, Ar
 
 
 def moved(linear: Equations, by_m: Array, prior: Prior) -> Array:
-    """Return by how much the state (14,) moves where the residuals grow by so much (N,)."""
+    """Return by how much the state (16,) moves where the residuals grow by so much (N,)."""
     slopes, _, _, inverse = _normal_equations(linear, prior)
     return np.asarray(inverse @ ((slopes.T * linear.change) @ by_m))
 
@@ -571,7 +575,7 @@ def moved(linear: Equations, by_m: Array, prior: Prior) -> Array:
 def stretched(
     linear: Equations, outline: Outline, prior: Prior, state: Array
 ) -> tuple[Equations, Prior, Array] | None:
-    """Return equations and prior with one more parameter, and the state (14,) after a step.
+    """Return equations and prior with one more parameter, and the state (16,) after a step.
 
     By how much the sides across u lie farther out than stated, and those across v farther in: a
     wrong width moves them as a thicker wall and another centre do. Its score at the solution
@@ -598,7 +602,7 @@ def power_of_light(
 ) -> tuple[float, float]:
     """Return gamma after one step of it as one more parameter, and its standard uncertainty.
 
-    By the scatter of the sectors, as of `spread`. linear: at a state (14,) with that gamma, before
+    By the scatter of the sectors, as of `spread`. linear: at a state (16,) with that gamma, before
     a background whose light is known.
     """
     linear, known = linear.shown, GAMMA_SIGMA**-2
@@ -612,7 +616,7 @@ def power_of_light(
 
 
 def _scores(linear: Equations, slopes: Array) -> Array:
-    """Return the scores (14,) of the rows, with slopes (N, 14) without the zones' ratios."""
+    """Return the scores (16,) of the rows, with slopes (N, 16) without the zones' ratios."""
     own, cross = linear.by_zone(linear.weight)
     by_zones = cross / own @ (linear.zones.log * linear.zones.weight)
     return np.asarray(slopes.T @ (linear.weight * linear.residual_m) + by_zones)
@@ -649,7 +653,7 @@ def _variance(linear: Equations, dof: float) -> float:
 def _squares(
     linear: Equations, slopes: Array, part: npt.NDArray[np.int64], information: Array
 ) -> Array:
-    """Return the sum of the squared estimating equations by sectors (14, 14).
+    """Return the sum of the squared estimating equations by sectors (16, 16).
 
     Residuals are smaller than errors, since each sector pulls the solution to itself: with the
     share H of a sector in the information, its equations are taken over sqrt(1 - H).
@@ -670,7 +674,7 @@ def _squares(
 
 
 def _inverse(change: Array, information: Array) -> Array:
-    """Return the inverse of the derivative of the estimating equations, (14, 14) each.
+    """Return the inverse of the derivative of the estimating equations, (16, 16) each.
 
     By chance residuals where Tukey's influence falls may take almost all of the information in one
     direction, of which LEAST_CHANGE is kept.
@@ -700,7 +704,7 @@ def robust_weight(square: Array, converged: bool) -> tuple[Array, Array]:
 
 
 def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
-    """Return derivatives of the depth by the state, (N, 14), by the chain rule over x and tau.
+    """Return derivatives of the depth by the state, (N, 16), by the chain rule over x and tau.
 
     With J a rotation by 90 degrees: d rho = curve (1 - rho rho') dq, and by the in-plane rotation,
     J rho - that of J q.
@@ -715,6 +719,9 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
     d_x = profile.d_x
     by_centre = across * (beams.shrink * beams.curve * facing) - rho * (d_x * beams.shrink)
     J_q, J_rho = _quarter(q), _quarter(rho)
+    double = across_beam(beams, state)
+    by_direction = 2.0 * profile.d_log_spot * _dot(state[ELLIPSE], _quarter(double))
+    by_centre = by_centre - J_rho * (by_direction * beams.curve * beams.shrink)
     tau_by_rotation = beams.curve * _dot(across, J_q) - beam @ J_rho
     support = _dot(rho, q)
     return np.stack(
@@ -731,6 +738,7 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
             -d_x,
             profile.d_chamfer + 0.0 * d_x,
             profile.d_modulation * (1.0 + beam @ beam) + 0.0 * d_x,
+            *(profile.d_log_spot * double),
         ]
     ).T
 

@@ -23,7 +23,7 @@ UNKNOWN = 4.0  # loss of a point before a background that is not known: of 5 sta
 
 
 def likeliest(problem: EdgeProblem, begin: Array, solve: Callable[[Array], Solution]) -> Solution:
-    """Return the likeliest of the solutions from a state (14,), and from others about it.
+    """Return the likeliest of the solutions from a state (16,), and from others about it.
 
     Every second start lies about the likeliest solution so far.
     """
@@ -39,7 +39,7 @@ def likeliest(problem: EdgeProblem, begin: Array, solve: Callable[[Array], Solut
 
 
 def is_likelier(problem: EdgeProblem, state: Array, other: Array) -> bool:
-    """Return whether a state (14,) is likelier than another before the background of either.
+    """Return whether a state (16,) is likelier than another before the background of either.
 
     Each finds a background of its own, with sectors of its own that show none: a loss before that
     alone would count for more than the edge.

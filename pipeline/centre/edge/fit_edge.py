@@ -71,7 +71,7 @@ class EdgeToFit:
 
 @frozen(eq=False)
 class Aim:
-    """Start of a fit: state (14,); station (3,) that its beams come from, if one is known."""
+    """Start of a fit: state (16,); station (3,) that its beams come from, if one is known."""
 
     state: Array
     station: Array | None = None
@@ -115,7 +115,7 @@ def fit_edge(uvw_m: Array, edge: EdgeToFit, begin: Aim | EdgeFit) -> EdgeFit | N
 
 
 def _mixed_share_of_few(problem: EdgeProblem, state: Array) -> float:
-    """Return the share of the points next to the edge that a state (14,) leaves to mixed pixels."""
+    """Return the share of the points next to the edge that a state (16,) leaves to mixed pixels."""
     beams = problem.beams(state)
     background = problem.background(state)
     deepest_m = target_depth_m(state, problem.sigma_m)
@@ -144,7 +144,7 @@ def fit_intensities(uvw_m: Array, edge: EdgeToFit, begin: Aim) -> EdgeFit | None
 
 
 def _problem(uvw_m: Array, edge: EdgeToFit, begin: Aim | EdgeFit) -> tuple[EdgeProblem, Array]:
-    """Return the points near the edge with their prior, and the state (14,) to start from."""
+    """Return the points near the edge with their prior, and the state (16,) to start from."""
     if isinstance(begin, EdgeFit):
         prior, station = Prior.beside(begin.state, begin.chamfer_u_m, begin.modulation_u), None
         state = prior.mean
@@ -236,7 +236,7 @@ def look_behind(
 ) -> Behind:
     """Return what lies behind an outline at a start, by the points uvw_m (N, 3) about it.
 
-    state: (14,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
+    state: (16,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
     """
     plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
     begin = Prior.of(None, config).mean

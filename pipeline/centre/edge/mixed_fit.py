@@ -79,7 +79,9 @@ NEAR_MODULATION = 1.0  # of the modulation, 1/m^2, that ends a fit
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
 ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 LOOKED_POINTS = 5000  # inside and outside, that tell sizes apart
-STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
+# Slope of beams from which a thick wall hides so much that a fit may diverge; that may do so from a
+# solution with a plain wall, too.
+STEEP, STEEPEST = 1.0, 1.3
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
 LOST = 0.25  # of a side, without a background: it may lie elsewhere
@@ -106,6 +108,9 @@ THICKNESS_MODEL, SQUARE_ON = 0.05, 5.0
 BY_ZONES = 3.0 * ZONES  # of a sum of squares over their variances, that zones explain by chance
 NEAREST = 0.1  # quantile of the background's depth, from which on a wall is none
 LEAST_SHOWN = 0.01  # of the variance of a prior, that the data show
+# Of a sum of squares over their variances, that an ellipse explains by chance. Of an ellipse: 2.2
+# times as long as wide, beyond which something else looks like one, as scans from two places do.
+BY_ELLIPSE, MOST_ELLIPSE = 15.0, 0.4
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
 
@@ -122,6 +127,7 @@ BY_CURVES = (
     "reflectance_ratio",
     "wall",
     "spot_shape",
+    "spot_ellipse",
     "chamfer_m",
     "chamfer_u_m",
     "rotation_noise",
@@ -131,12 +137,72 @@ BY_CURVES = (
 )
 
 
+BY_THICKNESS = ("stated_thickness_m", "by_thickness_m", "thickness_pull")  # what it says of it
+
+
 def fit_mixed(
     problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
 ) -> EdgeFit | None:
     """Fit an edge to its mixed pixels; None where a quarter of it has no background."""
     straight = _fit_straight(problem, state, thickness_m, config)
-    return None if straight is None else _with_curves(*straight, config.max_iterations)
+    if straight is None:
+        return None
+    most = config.max_iterations
+    elliptic = _as_ellipse(problem, *straight, most)
+    if elliptic is not None:
+        problem = replace(problem, prior=problem.prior.elliptic())
+        other = _fit_straight(problem, elliptic, thickness_m, config)
+        if other is not None and _is_spot(other[0]) and _explains_as_much(other[2], straight[2]):
+            straight = other
+    return _with_curves(*_with_wall(problem, *straight, most), most)
+
+
+def _as_ellipse(
+    problem: EdgeProblem, fitted: EdgeFit, own: EdgeProblem, found: Solution, most: int
+) -> Array | None:
+    """Return a state (16,) of beams that are longer than wide; None where round ones explain more.
+
+    Not of straight sides, whose lengths would be told from the beams' by little; nor of few points,
+    steep beams, or a fit that did not converge. own: the problem that was solved.
+    """
+    if problem.few or problem.outline.shows_rotation or not fitted.converged:
+        return None
+    if _is_steep(found.state) or own.prior.is_plain:
+        return None
+    elliptic = _again(replace(own, prior=problem.prior.elliptic()), found, most)
+    if not explains_less(found, elliptic, by_chance=BY_ELLIPSE):
+        return None
+    state, begun = elliptic.state.copy(), [CHAMFER, MODULATION]
+    state[begun] = problem.prior.mean[begun]
+    return state
+
+
+def _is_spot(fitted: EdgeFit) -> bool:
+    """Return whether a fit converged to a spot that is no longer than those of scanners are."""
+    return fitted.converged and float(np.hypot(*fitted.spot_ellipse)) < MOST_ELLIPSE
+
+
+def _with_wall(
+    problem: EdgeProblem, fitted: EdgeFit, own: EdgeProblem, found: Solution, most: int
+) -> tuple[EdgeFit, EdgeProblem, Solution]:
+    """Return the fit of steep beams with a wall and a footprint of their own, if it explains more.
+
+    From the solution in which these are held, so that it does not diverge. own: its problem. As it
+    is where beams are too steep for that.
+    """
+    if problem.few or not (own.prior.is_plain and fitted.converged):
+        return fitted, own, found
+    if float(np.hypot(*found.state[BEAM])) > STEEPEST:
+        return fitted, own, found
+    prior = problem.prior if fitted.stated_thickness_m is None else problem.prior.doubted()
+    freer = replace(own, prior=prior)
+    other = _again(freer, found, most)
+    shown = _recorded(other, freer)
+    if shown is None or not other.converged or not explains_less(found, other):
+        return fitted, own, found
+    other = _as_if_sharp(freer, other)
+    shown = as_stretched(record(other, freer, other.covered), other, freer)
+    return replace(shown, **{name: getattr(fitted, name) for name in BY_THICKNESS}), freer, other
 
 
 def _with_curves(fitted: EdgeFit, problem: EdgeProblem, found: Solution, most: int) -> EdgeFit:
@@ -281,13 +347,18 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, S
     if again.zones.sigma > found.zones.sigma:
         as_much = _is_worse(found, again)
     else:
-        as_much = unexplained(again) < AS_MUCH * unexplained(found)
+        as_much = _explains_as_much(again, found)
     likely = as_much and (less or explains_less(found, again))
     if likely and again.state[INVERSE] > PARALLEL:
         found = again
     if abs(found.state[GROWTH]) < OTHER_SIZE_M:
         return problem, found
     return _where_stated(problem, stated, found, most)
+
+
+def _explains_as_much(found: Solution, other: Solution) -> bool:
+    """Return whether a solution leaves no more of its points unexplained than another."""
+    return unexplained(found) < AS_MUCH * unexplained(other)
 
 
 def _where_stated(

@@ -16,6 +16,7 @@ from .beams import (
     CENTRE,
     CHAMFER,
     CHAMFER_M,
+    ELLIPSE,
     GROWTH,
     INVERSE,
     LIKELY_CHAMFER_M,
@@ -51,7 +52,7 @@ OUTLIER = 4.0  # square of an outlier, over its variance
 MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
 SOME_POINTS = 600  # of those compared, that show how a round moves an edge
 # What another edge of a plate takes over from the first: beams, footprint and plate.
-INHERITED = (2, 3, INVERSE, SPOT, THICKNESS, RATIO, WALL, SHAPE, CHAMFER, MODULATION)
+INHERITED = (2, 3, INVERSE, SPOT, THICKNESS, RATIO, WALL, SHAPE, CHAMFER, MODULATION, 14, 15)
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
 FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
@@ -71,10 +72,11 @@ class EdgeFit:
     centre, per metre of depth: tan of the incidence and its direction. inverse_distance: 1 /
     scanner's distance from the plane, 1/m. spot_m: radius of the footprint; thickness_m;
     reflectance_ratio: of the background over the target. wall: 0 of a wall as bright as the face, 1
-    of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
-    much farther out the edge lies than stated, all round, with its standard uncertainty
-    growth_u_m: both from SIZE_M as a prior. chamfer_m: width of its chamfer, with chamfer_u_m.
-    modulation: of the scanner, see `sum_of_phases`, 1/m^2, with modulation_u.
+    of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. spot_ellipse: (2,) of
+    it, see `footprint_m`. growth_m: how much farther out the edge lies than stated, all round, with
+    its standard uncertainty growth_u_m: both from SIZE_M as a prior. chamfer_m: width of its
+    chamfer, with chamfer_u_m. modulation: of the scanner, see `sum_of_phases`, 1/m^2, with
+    modulation_u.
     stretch_m: how much farther out its sides across u lie, and farther in those across v, likewise,
     with stretch_u_m; 0 of a round one. covered: share of the outline that was used. misfit: share
     of outliers near the edge. unexplained: mean square
@@ -108,6 +110,7 @@ class EdgeFit:
     reflectance_ratio: float
     wall: float
     spot_shape: float
+    spot_ellipse: Array
     growth_m: float
     growth_u_m: float
     chamfer_m: float
@@ -153,7 +156,7 @@ class EdgeFit:
 
     @property
     def state(self) -> Array:
-        """State (14,), see beams.py."""
+        """State (16,), see beams.py."""
         logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
         return np.array(
             [
@@ -167,13 +170,14 @@ class EdgeFit:
                 self.growth_m,
                 self.chamfer_m,
                 self.modulation,
+                *self.spot_ellipse,
             ]
         )
 
 
 @frozen(eq=False)
 class Solution:
-    """Last state (14,) of a fit, with the zones after its last step, which moved the centre last_m.
+    """Last state (16,) of a fit, with the zones after its last step, which moved the centre last_m.
 
     equations: of the state before that step. by_chamfer_m, by_round: as of an EdgeFit.
     """
@@ -287,7 +291,7 @@ def as_stretched(fitted: EdgeFit, found: Solution, problem: EdgeProblem) -> Edge
 def _estimates(
     state: Array, linear: Equations, problem: EdgeProblem, prior: Prior
 ) -> dict[str, Any]:
-    """Return the fields of a fit that follow from its state (14,), or (15,) with the stretch."""
+    """Return the fields of a fit that follow from its state (16,), or (17,) with the stretch."""
     covariance, by_plane, dof = spread(linear, problem.outline, prior, problem.few)
     held: dict[int, Array] = {}
     for which in (CHAMFER, MODULATION):
@@ -317,6 +321,7 @@ def _estimates(
         "reflectance_ratio": float(np.exp(state[RATIO])),
         "wall": float(state[WALL]),
         "spot_shape": float(state[SHAPE]),
+        "spot_ellipse": state[ELLIPSE],
         "growth_m": float(state[GROWTH]),
         "growth_u_m": float(u[GROWTH]),
         "chamfer_m": chamfer_m,

@@ -159,7 +159,7 @@ def wider_by_ends_m(near: Array, outline: Polygon, state: Array, band_m: float) 
 
     The target ends where the fewest points lie on the wrong side: on the face beyond, or deeper
     inside. By footprints that meet the background, too, it ends a little inside all sides alike.
-    near: points (N, 3) about the outline, at all depths; state: (14,) of its fit.
+    near: points (N, 3) about the outline, at all depths; state: (16,) of its fit.
     """
     beams = carry(near[:, :2], -near[:, 2], state, outline)
     sides, across_u = sides_at(beams.share, outline)
