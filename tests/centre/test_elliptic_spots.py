@@ -27,7 +27,7 @@ AROUND = np.arange(20_000) * (2.0 * np.pi / 20_000)
 @pytest.mark.parametrize("long", [1.1, 1.4])
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 def test_a_footprint_reaches_as_far_across_an_edge_as_the_ellipse_does(beam, long, turn):
-    """Of an ellipse across the beam, cast along the beam onto the plane; to |e|^2."""
+    """An ellipse across the beam is cast along the beam onto the plane; they agree to |e|^2."""
     half = 0.5 * np.log(long)
     state = Prior.of(0.01, CentreConfig()).mean
     state[BEAM], state[SPOT] = beam, np.log(0.0015)

@@ -547,7 +547,7 @@ def test_a_usual_vehicle_in_another_unit_is_refused_or_noted(tmp_path, written, 
     ],
 )
 def test_a_unit_is_proposed_only_if_it_makes_a_vehicle(tmp_path, factor, unit, proposed):
-    """Of a track of 150 km no unit is right, and none is proposed."""
+    """No unit is right for a track of 150 km, and none is proposed."""
     path = tmp_path / "five.txt"
     own = in_metres(1.0, unit) if unit == "mm" else 1.0
     scale = factor if unit == "m" else factor / own

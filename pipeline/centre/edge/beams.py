@@ -333,9 +333,7 @@ class Prior:
 
     def elliptic(self) -> Prior:
         """Return the prior of beams that may be longer than wide, instead of round ones."""
-        weight = self.weight.copy()
-        weight[ELLIPSE] = ELLIPSE_LOG**-2
-        return Prior(self.mean, weight)
+        return self._known_to(ELLIPSE_LOG, ELLIPSE)
 
     def of_chamfer(self, chamfer_m: float | None) -> Prior:
         """Return the prior with a chamfer of that width; None: the same."""
@@ -407,7 +405,7 @@ class Prior:
         """Return the prior of an edge of about the stated size."""
         return self._known_to(SIZE_M, GROWTH)
 
-    def _known_to(self, sigma: float, which: int) -> Prior:
+    def _known_to(self, sigma: float, which: int | slice) -> Prior:
         weight = self.weight.copy()
         weight[which] = sigma**-2
         return Prior(self.mean, weight)

@@ -372,8 +372,9 @@ def mean_depths(
     intensities, which show it better, the others move centres less.
     """
     rows = np.flatnonzero(chosen)
-    parts = reaching(beams.taken(rows), state)
-    z, cut = problem.depth[rows], beams.taken(rows[parts])
+    near = beams.taken(rows)
+    parts = reaching(near, state)
+    z, cut = problem.depth[rows], near.taken(parts)
     steep = state[BEAM, None] + state[INVERSE] * cut.q_m.T
     square = 1.0 + np.sum(steep**2, axis=0)
     slant = (cut.tau + cut.bent) / square

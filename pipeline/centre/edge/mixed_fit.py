@@ -137,7 +137,8 @@ BY_CURVES = (
 )
 
 
-BY_THICKNESS = ("stated_thickness_m", "by_thickness_m", "thickness_pull")  # what it says of it
+# What an EdgeFit says of the stated thickness.
+BY_THICKNESS = ("stated_thickness_m", "by_thickness_m", "thickness_pull")
 
 
 def fit_mixed(
@@ -162,8 +163,8 @@ def _as_ellipse(
 ) -> Array | None:
     """Return a state (16,) of beams that are longer than wide; None where round ones explain more.
 
-    Not of straight sides, whose lengths would be told from the beams' by little; nor of few points,
-    steep beams, or a fit that did not converge. own: the problem that was solved.
+    Not of straight sides, as other lengths of these look the same; nor of few points, steep beams,
+    or a fit that did not converge. own: the problem that was solved.
     """
     if problem.few or problem.outline.shows_rotation or not fitted.converged:
         return None
@@ -172,8 +173,8 @@ def _as_ellipse(
     elliptic = _again(replace(own, prior=problem.prior.elliptic()), found, most)
     if not explains_less(found, elliptic, by_chance=BY_ELLIPSE):
         return None
-    state, begun = elliptic.state.copy(), [CHAMFER, MODULATION]
-    state[begun] = problem.prior.mean[begun]
+    state, unknown = elliptic.state.copy(), [CHAMFER, MODULATION]
+    state[unknown] = problem.prior.mean[unknown]
     return state
 
 
@@ -197,11 +198,13 @@ def _with_wall(
     prior = problem.prior if fitted.stated_thickness_m is None else problem.prior.doubted()
     freer = replace(own, prior=prior)
     other = _again(freer, found, most)
-    shown = _recorded(other, freer)
-    if shown is None or not other.converged or not explains_less(found, other):
+    if not other.converged or not explains_less(found, other):
         return fitted, own, found
     other = _as_if_sharp(freer, other)
-    shown = as_stretched(record(other, freer, other.covered), other, freer)
+    shown = _recorded(other, freer)
+    if shown is None:
+        return fitted, own, found
+    shown = as_stretched(shown, other, freer)
     return replace(shown, **{name: getattr(fitted, name) for name in BY_THICKNESS}), freer, other
 
 

@@ -52,7 +52,11 @@ OUTLIER = 4.0  # square of an outlier, over its variance
 MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
 SOME_POINTS = 600  # of those compared, that show how a round moves an edge
 # What another edge of a plate takes over from the first: beams, footprint and plate.
-INHERITED = (2, 3, INVERSE, SPOT, THICKNESS, RATIO, WALL, SHAPE, CHAMFER, MODULATION, 14, 15)
+INHERITED = (
+    *range(STATE)[BEAM],
+    *(INVERSE, SPOT, THICKNESS, RATIO, WALL, SHAPE, CHAMFER, MODULATION),
+    *range(STATE)[ELLIPSE],
+)
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
 FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
