@@ -67,6 +67,7 @@ UNCONVERGED_M = 3e-4  # model uncertainty of an edge fit that did not converge
 BY_THICKNESS = 0.4  # of what an unknown thickness would move a centre: model uncertainty
 WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertainty by the wall
 CLEAN_SHARE = 0.015  # of the shift of a clean edge: model uncertainty by what the scanner reports
+BY_LIGHT = 0.58  # of what a background's light would move a centre: any part of it
 ALONG_BEAMS, ACROSS_BEAMS = 1.25, 0.4  # shift of a centre by backgrounds, of that of the parts
 INTENSITY_SHARE = 0.004  # of the footprint: model uncertainty by how intensities fade over an edge
 MISFIT = (SURE_MISFIT, 0.09)  # share of outliers at which doubt begins, and is complete
@@ -562,13 +563,17 @@ def _by_backgrounds(edge_fit: EdgeFit) -> Array:
 
     Slanted beams see other things behind the near edge than behind the far one, so that a clean
     edge is moved along them by about as much as its parts are; across, by a share of that. Measured
-    on the rims and holes of 60 synthetic targets.
+    on the rims and holes of 60 synthetic targets. Any part of what a background's light would move
+    may be so.
     """
     slope = float(np.hypot(*edge_fit.beam))
     along = edge_fit.beam / slope if slope > 0.0 else np.zeros(2)
     shares = ACROSS_BEAMS**2 * np.eye(2)
     shares += (ALONG_BEAMS**2 - ACROSS_BEAMS**2) * np.outer(along, along)
-    return np.asarray(edge_fit.unlike_m**2 * shares)
+    unlike_m2 = np.asarray(edge_fit.unlike_m**2 * shares)
+    if edge_fit.by_light_m is None:
+        return unlike_m2
+    return unlike_m2 + BY_LIGHT**2 * np.outer(edge_fit.by_light_m, edge_fit.by_light_m)
 
 
 def in_common(first: EdgeCentre, other: EdgeCentre) -> tuple[Array, Array] | None:

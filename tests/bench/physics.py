@@ -73,6 +73,7 @@ BARE: Values = {  # hardly any noise
 }
 GAUSSIAN: Values = {"beam.spot_profile": "gaussian"}
 LAMBERT: Values = {"beam.power_weighted": True}
+DARK_WALL: Values = {"surfaces.face": 0.8, "surfaces.wall": [0.2, 0.5]}
 HALF: Values = {"surfaces.dark_part": "half", "surfaces.dark_turn_deg": [0.0, 360.0]}
 SHOT: Values = {"beam.noise_by_brightness": 0.5}
 RECEIVER: Values = {"beam.noise_by_brightness": 1.0}
@@ -159,6 +160,10 @@ CASES: dict[str, Case] = {
     "elliptic-1.3": Case(PLAIN | QUIET | GAUSSIAN | {"beam.spot_aspect": 1.3}),
     "elliptic-1.6": Case(PLAIN | {"beam.spot_aspect": 1.6}),
     "gaussian-lambert": Case(PLAIN | QUIET | GAUSSIAN | LAMBERT),
+    "wall-dark": Case(PLAIN | QUIET | GAUSSIAN | LAMBERT | DARK_WALL),
+    "wall-dark-steep": Case(
+        PLAIN | QUIET | GAUSSIAN | LAMBERT | DARK_WALL | {"station.incidence_deg": [35.0, 50.0]}
+    ),
     "dark-half-0.1": Case(PLAIN | HALF | {"beam.brightness_bias_m": 0.0001}),
     "dark-half-0.3": Case(PLAIN | HALF | {"beam.brightness_bias_m": 0.0003}),
     "dark-half-1.0": Case(PLAIN | HALF | {"beam.brightness_bias_m": 0.001}),

@@ -598,6 +598,16 @@ def test_a_size_that_a_clean_edge_contradicts_is_refused(name, growth_m):
         assert u_m < 1e-4 or growth_m < 0.0
 
 
+def test_any_part_of_what_a_light_would_move_is_in_the_uncertainty():
+    """As of a move of 0 to all of it, each part as likely: a third of its square."""
+    _, view = grown("disc-250", 0.0, 0, spacing_m=0.004)
+    edge_fit, moved_m = centre_by_edge(view, view.target.edge).edge_fit, np.array([3e-4, -1e-4])
+    assert edge_fit.by_light_m is None  # without intensities
+    lit = replace(edge_fit, by_light_m=moved_m)
+    more = edge_centre._by_backgrounds(lit) - edge_centre._by_backgrounds(edge_fit)
+    np.testing.assert_allclose(more, np.outer(moved_m, moved_m) / 3.0, rtol=0.02)
+
+
 @pytest.mark.parametrize(("growth_m", "seen"), [(0.0007, True), (0.0001, False)])
 def test_a_size_in_doubt_is_in_the_uncertainty(growth_m, seen):
     """The model's variance grows where SIZE_M hardly explains the edge, and not before."""

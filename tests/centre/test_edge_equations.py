@@ -19,6 +19,7 @@ from wheelplane.centre.edge.edge_residuals import (
     LEAST_SHOWN,
     LEAST_UNEVEN,
     LIMIT,
+    LIT_LOG,
     SECTORS,
     UNEVEN_MEAN,
     UNEVEN_SECTORS,
@@ -393,6 +394,8 @@ def test_zones_that_are_free_scatter_by_a_factor_and_those_alike_do_not():
     assert not Zones.free().log.any()
     assert len(Zones.alike().log) == len(Zones.free().log) == ZONES
     assert Zones.free().weight == ZONE_LOG**-2
+    assert Zones.free(lit=True).weight == LIT_LOG**-2
+    assert Zones.free().weight < Zones.free(lit=True).weight < Zones.alike().weight
     assert Zones.alike().weight > 1e6 * Zones.free().weight
 
 

@@ -28,6 +28,7 @@ from wheelplane.centre.edge.beams import (
 from wheelplane.centre.edge.clean_fit import ALONE, AS_NEAR, CONTRADICTED, LEAST_CLEAN, UNDAMPED
 from wheelplane.centre.edge.edge_residuals import (
     ALIKE_LOG,
+    GAMMA_SIGMA,
     SECTORS,
     UNEVEN_SECTORS,
     ZONE_LOG,
@@ -52,6 +53,7 @@ from wheelplane.centre.edge.mixed_fit import (
     SHORTER,
     SHORTEST,
     STEEP,
+    STEEPEST,
     SURELY,
 )
 from wheelplane.centre.edge.solution import AS_MUCH, BY_CHANCE, STEP_M, Solution
@@ -431,8 +433,76 @@ def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_
     first = problem.prior.plain() if steep else problem.prior
     expected = [first.weight, first.held(state).weight]
     held = steep and strange and thickness_m is not None
-    np.testing.assert_array_equal([one.weight for one in priors], expected[: 1 + held])
+    expected = expected[: 1 + held] + steep * [problem.prior.weight]  # then with a wall of its own
+    np.testing.assert_array_equal([one.weight for one in priors], expected)
     np.testing.assert_array_equal(priors[0].mean, first.mean)
+
+
+@pytest.mark.parametrize("slope", [1.1 * STEEP, 0.9 * STEEPEST, 1.1 * STEEPEST])
+@pytest.mark.parametrize("free", ["more", "less", "diverged", None])
+def test_steep_beams_show_a_wall_where_that_explains_as_much(monkeypatch, slope, free):
+    """The plain fit stands where the other diverged, explains less, or is not tried."""
+    state, tried = state_of(), []
+    state[BEAM] = 0.0, slope
+    plain, own = replace(RECORD, converged=True), replace(RECORD, converged=free != "diverged")
+
+    def fit(problem, *rest):
+        tried.append(problem.prior.is_plain)
+        if problem.prior.is_plain:
+            return plain, problem, "plain"
+        return None if free is None else (own, problem, "own")
+
+    monkeypatch.setattr(mixed_fit, "_fit_straight", fit)
+    monkeypatch.setattr(mixed_fit, "_as_ellipse", lambda *args: None)
+    monkeypatch.setattr(mixed_fit, "_with_curves", lambda fitted, *_: fitted)
+    monkeypatch.setattr(mixed_fit, "explains_less", lambda found, other: free == "less")
+    found = mixed_fit.fit_mixed(problem_of(), state, 0.01, CONFIG)
+    assert tried == [True, False][: 1 + (slope < STEEPEST)]
+    assert found is (own if free == "more" and slope < STEEPEST else plain)
+
+
+@pytest.mark.parametrize("zones", [Zones.alike(), Zones.free()], ids=["alike", "free"])
+def test_a_first_fit_shows_the_power_of_light_as_well(zones):
+    """Its background is looked up without: before it nothing would show a power, 0 at u 3."""
+    problem = scene(DISC, state_of(), 4000)
+    around = np.arctan2(*(problem.plane - state_of()[CENTRE]).T)
+    problem = replace(problem, light=0.5 + 0.3 * np.sin(3.0 * around))
+    first = mixed_fit._converge(problem, state_of(), zones, 40, consistent=False)
+    assert first.background.log_light is None
+    lit = problem.background(first.state)
+    assert np.ptp(lit.log_light) > 0.5
+    seen = mixed_fit._power_of_light(problem, replace(first, background=lit))
+    found = mixed_fit._power_of_light(problem, first)
+    assert max(found[1], seen[1]) < 0.5 * GAMMA_SIGMA
+    assert abs(found[0] - seen[0]) < 2.0 * seen[1]
+
+
+@pytest.mark.parametrize("worse", [False, True])
+@pytest.mark.parametrize(("gamma", "sure"), [(1.0, True), (0.2, False)])
+def test_what_a_light_that_is_not_used_would_move_is_kept(monkeypatch, gamma, sure, worse):
+    """Where its power is surely not 0: it may be right where its background is not."""
+    state, shift = state_of(), np.array([3e-4, -1e-4])
+    problem = replace(problem_of(), light=np.ones(len(problem_of().depth)))
+    found, moved = ended(), state_of()
+    found = replace(found, state=state, zones=Zones.free())
+    moved[CENTRE] = state[CENTRE] + shift
+    lit = replace(found, state=moved)
+    monkeypatch.setattr(mixed_fit, "_power_of_light", lambda *args: (gamma, 0.1))
+    monkeypatch.setattr(mixed_fit, "_best", lambda problem, *_: (problem, lit))
+    monkeypatch.setattr(mixed_fit, "_freed", lambda problem, found, _: (problem, found))
+    monkeypatch.setattr(
+        mixed_fit, "_is_worse", lambda one, other: worse if other is found else False
+    )
+    own, kept = mixed_fit._with_light(problem, found, problem, state, CONFIG)
+    if worse:
+        assert own is problem
+        np.testing.assert_array_equal(kept.state, state)
+        assert (kept.by_light_m is not None) == sure
+        if sure:
+            np.testing.assert_allclose(kept.by_light_m, shift)
+    else:
+        assert own.gamma != 0.0
+        assert kept.by_light_m is None
 
 
 @pytest.mark.parametrize("scatter", [0.9 * DIFFERENT, 1.1 * DIFFERENT, 1.1 * SURELY])

@@ -54,7 +54,9 @@ ZONES = 48  # of the outline, each with a reflectance of its background; within 
 LIMIT = np.array(
     [0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 5e-4, 5e-4, 50.0, 0.1, 0.1]
 )
-ZONE_LOG, ALIKE_LOG = 1.0, 1e-4  # scatter of their logs: where they may differ, and where not
+# Scatter of their logs: where they may differ, where these are as bright as their light, and where
+# they may not.
+ZONE_LOG, LIT_LOG, ALIKE_LOG = 1.0, 0.3, 1e-4
 CHANCE = 1.5  # standard deviations of what zones explain by chance
 LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
 LEAST_CHANGE = 0.3  # 0.77 of Gaussian residuals
@@ -184,9 +186,9 @@ class Zones:
         return cls(np.zeros(ZONES), ALIKE_LOG)
 
     @classmethod
-    def free(cls) -> Zones:
-        """Return zones that may differ."""
-        return cls(np.zeros(ZONES), ZONE_LOG)
+    def free(cls, lit: bool = False) -> Zones:
+        """Return zones that may differ; less where a background is as bright as its light."""
+        return cls(np.zeros(ZONES), LIT_LOG if lit else ZONE_LOG)
 
     @property
     def weight(self) -> float:

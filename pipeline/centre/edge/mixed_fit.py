@@ -55,6 +55,7 @@ from .solution import (
     by_round,
     explained,
     explains_less,
+    lost_sides,
     record,
     settled,
     unexplained,
@@ -79,12 +80,12 @@ NEAR_MODULATION = 1.0  # of the modulation, 1/m^2, that ends a fit
 # A step of the centre that ends a first fit; its iterations; its points, inside and outside.
 ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 LOOKED_POINTS = 5000  # inside and outside, that tell sizes apart
-# Slope of beams from which a thick wall hides so much that a fit may diverge; that may do so from a
-# solution with a plain wall, too.
+# Slope of beams from which a thick wall hides so much that a fit may diverge; from which none is
+# tried but with a plain wall.
 STEEP, STEEPEST = 1.0, 1.3
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
-LOST = 0.25  # of a side, without a background: it may lie elsewhere
+LOST = 0.25  # of a side, whose points contradict its background: it may lie elsewhere
 OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than stated
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
 # be right where no other explains as much.
@@ -137,15 +138,12 @@ BY_CURVES = (
 )
 
 
-# What an EdgeFit says of the stated thickness.
-BY_THICKNESS = ("stated_thickness_m", "by_thickness_m", "thickness_pull")
-
-
 def fit_mixed(
     problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
 ) -> EdgeFit | None:
     """Fit an edge to its mixed pixels; None where a quarter of it has no background."""
-    straight = _fit_straight(problem, state, thickness_m, config)
+    fit = _fit_steep if _is_steep(state) else _fit_straight
+    straight = fit(problem, state, thickness_m, config)
     if straight is None:
         return None
     most = config.max_iterations
@@ -155,7 +153,7 @@ def fit_mixed(
         other = _fit_straight(problem, elliptic, thickness_m, config)
         if other is not None and _is_spot(other[0]) and _explains_as_much(other[2], straight[2]):
             straight = other
-    return _with_curves(*_with_wall(problem, *straight, most), most)
+    return _with_curves(*straight, most)
 
 
 def _as_ellipse(
@@ -183,29 +181,22 @@ def _is_spot(fitted: EdgeFit) -> bool:
     return fitted.converged and float(np.hypot(*fitted.spot_ellipse)) < MOST_ELLIPSE
 
 
-def _with_wall(
-    problem: EdgeProblem, fitted: EdgeFit, own: EdgeProblem, found: Solution, most: int
-) -> tuple[EdgeFit, EdgeProblem, Solution]:
-    """Return the fit of steep beams with a wall and a footprint of their own, if it explains more.
+def _fit_steep(
+    problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
+) -> tuple[EdgeFit, EdgeProblem, Solution] | None:
+    """Fit an edge that steep beams meet, as `_fit_straight`.
 
-    From the solution in which these are held, so that it does not diverge. own: its problem. As it
-    is where beams are too steep for that.
+    With the wall as bright as the face and the spot's shape held, where all else diverges or
+    explains less; so of few points, and where beams are too steep for anything else.
     """
-    if problem.few or not (own.prior.is_plain and fitted.converged):
-        return fitted, own, found
-    if float(np.hypot(*found.state[BEAM])) > STEEPEST:
-        return fitted, own, found
-    prior = problem.prior if fitted.stated_thickness_m is None else problem.prior.doubted()
-    freer = replace(own, prior=prior)
-    other = _again(freer, found, most)
-    if not other.converged or not explains_less(found, other):
-        return fitted, own, found
-    other = _as_if_sharp(freer, other)
-    shown = _recorded(other, freer)
-    if shown is None:
-        return fitted, own, found
-    shown = as_stretched(shown, other, freer)
-    return replace(shown, **{name: getattr(fitted, name) for name in BY_THICKNESS}), freer, other
+    plain = replace(problem, prior=problem.prior.plain())
+    held = _fit_straight(plain, state, thickness_m, config)
+    if problem.few or float(np.hypot(*state[BEAM])) > STEEPEST:
+        return held
+    free = _fit_straight(problem, state, thickness_m, config)
+    if free is None or not free[0].converged:
+        return held
+    return free if held is None or not explains_less(free[2], held[2]) else held
 
 
 def _with_curves(fitted: EdgeFit, problem: EdgeProblem, found: Solution, most: int) -> EdgeFit:
@@ -235,16 +226,13 @@ def _fit_straight(
     size, another one explains as much, and the data contradict the stated one then.
     """
     most = config.max_iterations
-    steep = _is_steep(state)
-    if steep:  # footprint and beams would diverge with the wall
-        problem = replace(problem, prior=problem.prior.plain())
     plain = problem
     problem, found = _best(problem, state, most)
     shown_m = _pointing_m(problem, found)
     problem, plain = (replace(one, pointing_m=shown_m) for one in (problem, plain))
     problem, found = _with_light(*_freed(problem, found, config), plain, state, config)
     plain = replace(plain, gamma=problem.gamma)
-    if steep and thickness_m is not None and _is_strange(found, problem.prior):
+    if plain.prior.is_plain and thickness_m is not None and _is_strange(found, problem.prior):
         held = replace(plain, prior=plain.prior.held(state))
         problem, found = _freed(*_best(held, state, most), config)
     fitted = _recorded(found, problem)
@@ -401,7 +389,8 @@ def _with_light(
     """Return the problem whose background is as bright as its intensities, with its solution.
 
     To a power of them, sought from 1 on, as of a scanner that weighs what returns by its power. As
-    they are where its light explains nothing, or less than the zones' reflectances do.
+    they are where its light explains nothing, or less than the zones' reflectances do: then with
+    how far the centre would move by it, where it explains something.
     plain: the problem of sharp edges and mean ranges, to be solved from a state.
     """
     if problem.few or problem.light is None or not found.converged:
@@ -426,9 +415,11 @@ def _with_light(
         if _is_worse(better, other):
             break
         freed, other = more, better
-    if not other.converged or _is_worse(other, found):
-        return problem, found
-    return freed, other
+    if other.converged and not _is_worse(other, found):
+        return freed, other
+    if other.converged and gamma > SURE_OF_GAMMA * u:
+        found = replace(found, by_light_m=(other.state - found.state)[CENTRE])
+    return problem, found
 
 
 def _is_by_zones(found: Solution) -> bool:
@@ -446,13 +437,17 @@ def _power_of_light(problem: EdgeProblem, found: Solution) -> tuple[float, float
     """Return by which power of its light the background is bright, if zones are alike, and its u.
 
     By one step from a solution: of Gauss-Newton where zones differ, as it is none of alike ones.
+    Before a new background where that of the solution has no light: a first fit looks for none.
     """
-    linear, state = found.equations, found.state
-    if _is_by_zones(found):
-        alike = Zones.alike()
-        linear = equations(problem, found.background, state, alike, False, True)
+    linear, state, background = found.equations, found.state, found.background
+    by_zones = _is_by_zones(found)
+    if background.log_light is None:
+        background = problem.background(state)
+        linear = equations(problem, background, state, found.zones, True, True)
+    if by_zones:
+        linear = equations(problem, background, state, Zones.alike(), False, True)
         linear = replace(linear, change=linear.weight)
-    return power_of_light(linear, found.background, problem.prior, state, problem.gamma)
+    return power_of_light(linear, background, problem.prior, state, problem.gamma)
 
 
 def _freed(
@@ -553,7 +548,7 @@ def _may_be_of_another_size(problem: EdgeProblem, found: Solution) -> bool:
         return abs(float(found.state[GROWTH])) > OTHER_SIZE_M
     fitted, stretched = _of_any_width(found, problem)
     off_m = max(abs(fitted.growth_m), abs(stretched.stretch_m))
-    return off_m > OTHER_SIZE_M or max(fitted.lost) > LOST
+    return off_m > OTHER_SIZE_M or max(lost_sides(~problem.left_out, problem.outline)) > LOST
 
 
 def _of_any_width(found: Solution, problem: EdgeProblem) -> tuple[EdgeFit, EdgeFit]:
@@ -612,14 +607,14 @@ def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
     a first fit shows that they differ; not one of few points, or one that went astray.
     """
     if _is_steep(state) and not problem.few:
-        return _solved(problem, state, Zones.free(), most)
+        return _solved(problem, state, Zones.free(lit=problem.gamma != 0.0), most)
     found = _converge(problem, state, Zones.alike(), most, consistent=False)
     clear = len(problem.depth) > CLEARLY and found.converged
     if not (clear and found.state[INVERSE] > PARALLEL and _differ(found, problem, SURELY)):
         found = _refined(problem, found, most)
         if not _differ(found, problem, DIFFERENT):
             return found
-    return _solved(problem, found.state, Zones.free(), most)
+    return _solved(problem, found.state, Zones.free(lit=problem.gamma != 0.0), most)
 
 
 def _differ(found: Solution, problem: EdgeProblem, least: float) -> bool:

@@ -94,6 +94,8 @@ class EdgeFit:
     by_chamfer_m: (2,) by which the centre would move with a chamfer (k = 1), where the edge counts
     as sharp without being stated so, or with one that is fitted too narrow. by_round: (2,) by which
     it would move with a rounded edge instead of a chamfer, over its width, where neither is stated.
+    by_light_m: (2,) by which it would move if its background were as bright as its intensities say
+    of it, where reflectances of its own explain more.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
@@ -138,6 +140,7 @@ class EdgeFit:
     thickness_pull: float | None = None
     by_chamfer_m: Array | None = None
     by_round: Array | None = None
+    by_light_m: Array | None = None
     clean_shift_m: float | None = None
     by_size_m: Array | None = None
     size_chance: float = 0.0
@@ -183,7 +186,8 @@ class EdgeFit:
 class Solution:
     """Last state (16,) of a fit, with the zones after its last step, which moved the centre last_m.
 
-    equations: of the state before that step. by_chamfer_m, by_round: as of an EdgeFit.
+    equations: of the state before that step. by_chamfer_m, by_round, by_light_m: as of an
+    EdgeFit.
     """
 
     state: Array
@@ -194,6 +198,7 @@ class Solution:
     last_m: float
     by_chamfer_m: Array | None = None
     by_round: Array | None = None
+    by_light_m: Array | None = None
 
     @property
     def converged(self) -> bool:
@@ -219,6 +224,7 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         converged=found.converged,
         by_chamfer_m=found.by_chamfer_m,
         by_round=found.by_round,
+        by_light_m=found.by_light_m,
         lost=lost_sides(found.background.usable, problem.outline),
     )
 
