@@ -85,7 +85,8 @@ LOOKED_POINTS = 5000  # inside and outside, that tell sizes apart
 STEEP, STEEPEST = 1.0, 1.3
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
-LOST = 0.25  # of a side, whose points contradict its background: it may lie elsewhere
+# Of a side, whose points contradict its background, or that has none: it may lie elsewhere.
+LOST, NO_SIDE = 0.25, 0.7
 OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than stated
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
 # be right where no other explains as much.
@@ -548,7 +549,8 @@ def _may_be_of_another_size(problem: EdgeProblem, found: Solution) -> bool:
         return abs(float(found.state[GROWTH])) > OTHER_SIZE_M
     fitted, stretched = _of_any_width(found, problem)
     off_m = max(abs(fitted.growth_m), abs(stretched.stretch_m))
-    return off_m > OTHER_SIZE_M or max(lost_sides(~problem.left_out, problem.outline)) > LOST
+    contradicted = max(lost_sides(~problem.left_out, problem.outline))
+    return off_m > OTHER_SIZE_M or contradicted > LOST or max(fitted.lost) > NO_SIDE
 
 
 def _of_any_width(found: Solution, problem: EdgeProblem) -> tuple[EdgeFit, EdgeFit]:
