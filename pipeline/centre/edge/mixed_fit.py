@@ -441,13 +441,13 @@ def _power_of_light(problem: EdgeProblem, found: Solution) -> tuple[float, float
     Before a new background where that of the solution has no light: a first fit looks for none.
     """
     linear, state, background = found.equations, found.state, found.background
-    by_zones = _is_by_zones(found)
-    if background.log_light is None:
+    if is_dark := background.log_light is None:
         background = problem.background(state)
-        linear = equations(problem, background, state, found.zones, True, True)
-    if by_zones:
+    if _is_by_zones(found):
         linear = equations(problem, background, state, Zones.alike(), False, True)
         linear = replace(linear, change=linear.weight)
+    elif is_dark:
+        linear = equations(problem, background, state, found.zones, True, True)
     return power_of_light(linear, background, problem.prior, state, problem.gamma)
 
 
