@@ -14,9 +14,9 @@ demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true 
 	$(BIN)/wheelplane demo demo-output
 
 test: $(VENV)/ready  ## the tests, but for those marked slow
-	$(BIN)/python -m pytest -n 3 --dist loadfile -m "not slow" --cases "$(or $(CASES),0/1)"
+	$(BIN)/python -m pytest -n 3 --dist loadfile -m "not slow" --share "$(or $(SHARE),0/1)" --cases "$(or $(CASES),0/1)"
 
-test-all: $(VENV)/ready  ## all tests; CI runs a fortieth of the slow ones for each commit
+test-all: $(VENV)/ready  ## all tests; CI runs a sixtieth of the slow ones for each commit
 	$(BIN)/python -m pytest -n 2
 
 smoke: $(VENV)/ready  ## the demo and the tests of files and batches, for another Python: PYTHON=, VENV=
