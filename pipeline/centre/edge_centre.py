@@ -75,7 +75,6 @@ MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre 
 # Difference of straight edges by mixed pixels and by points, of its standard uncertainty:
 # tolerated; proof of another shape.
 APART, WORST_APART = 3.0, 5.0
-WITH_INTENSITY = 5  # columns of points whose intensities are known
 FULL_SLOPE = 0.5  # of the beams, from which a whole radius of the footprint meets the wall
 # Of the spacing: half the difference of two edges that rows of points run along, each of whose last
 # rows lies anywhere within a spacing of it: 1 / sqrt(24).
@@ -410,8 +409,6 @@ def _by_mixed_pixels(
         begin = first or _aimed(view, near, outline, start)
     if begin is not None:
         return fit_edge(near, edge, begin) or edge_fit
-    if near.shape[1] < WITH_INTENSITY:
-        return None
     begin = square_on(view.target.thickness, view.config, start)
     return fit_intensities(near, edge, begin)
 

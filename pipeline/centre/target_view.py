@@ -41,7 +41,8 @@ class TargetView:
         """Return the points that may matter to an outline, in plane coordinates (M, 3 or 5).
 
         With intensities over that of the face, where known: of those on the target, NaN around it,
-        then of all. slope: of the beams, by which points behind the plane are shifted aside per
+        and on a face that is not of one brightness; then of all, as they are before such a face.
+        slope: of the beams, by which points behind the plane are shifted aside per
         depth. even: those on the target are thinned as those around it are, so that all beams count
         alike.
         """
@@ -81,11 +82,12 @@ class TargetView:
         joined[:3, :count] = on.T.take(face, axis=1)
         joined[:3, count:] = off.T.take(around, axis=1)
         lights = self.patch.face_intensity, self.patch.around_intensity
-        if lights[0] is None or lights[1] is None or self._face_light is None:
+        if lights[0] is None or lights[1] is None:
             return joined[:3].T
-        seen = np.concatenate([lights[0][face], lights[1][around]])
-        joined[4] = relative_to_face(joined[:2].T, seen, self._face_light)
-        joined[3, :count], joined[3, count:] = joined[4, :count], np.nan
+        joined[3], joined[4] = np.nan, np.concatenate([lights[0][face], lights[1][around]])
+        if self._face_light is not None:
+            joined[4] = relative_to_face(joined[:2].T, joined[4], self._face_light)
+            joined[3, :count] = joined[4, :count]
         return joined.T
 
     @cached_property

@@ -228,6 +228,7 @@ CASES: dict[str, Case] = {
     "gaussian-lambert-dim": Case(PLAIN | QUIET | GAUSSIAN | LAMBERT, dim=True),
     "first-dim": Case(PLAIN | RETURNS | {"beam.return_mode": "first"}, dim=True),
     "strongest-dim": Case(PLAIN | RETURNS | {"beam.return_mode": "strongest"}, dim=True),
+    "dark-half-beam": Case(PLAIN | QUIET | GAUSSIAN | LAMBERT | HALF),
 }
 
 

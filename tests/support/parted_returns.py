@@ -21,8 +21,9 @@ class PartedDisc:
     """Setup: slope (2,) of the beams per depth; bright and dark: background over the face.
 
     side_rad: direction of the bright half of the background, or, with parts, of the middle of one
-    of so many bright sectors. returned: strongest, first or last, or the mean of both, weighted by
-    power; "unweighted": by the rays alone.
+    of so many bright sectors. printed: brightness of the face where its second coordinate is
+    positive, over that of the rest. returned: strongest, first or last, or the mean of both,
+    weighted by power; "unweighted": by the rays alone.
     """
 
     radius_m: float = 0.125
@@ -39,6 +40,7 @@ class PartedDisc:
     speckle: float = 0.03
     lambert: float = 0.8
     parts: int = 0
+    printed: float = 1.0
 
     def scan(self, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Points (N, 3), w towards the scanner, and their intensities (N,), of the face 1."""
@@ -81,7 +83,8 @@ class PartedDisc:
         turn = np.arctan2(far[..., 1], far[..., 0]) - self.side_rad
         lit = np.cos(max(self.parts, 1) * turn) > 0.0
         behind = ~face & ~wall
-        light = np.where(face, 1.0, np.where(wall, self.lambert * inward, 0.0))
+        print_ = np.where(q[..., 1] > 0.0, self.printed, 1.0)
+        light = np.where(face, print_, np.where(wall, self.lambert * inward, 0.0))
         front = light.sum(axis=1) / RAYS
         echo = np.where(behind, np.where(lit, self.bright, self.dark), 0.0)
         back = echo.sum(axis=1) / RAYS

@@ -25,6 +25,10 @@ BESIDE_M, BETWEEN_M = 0.002, 0.01
 BEFORE, ROUGH_SHARE, BEFORE_M = 3.0, 0.02, 0.003
 # Another surface: how far beyond the edge it is looked for, how alike depths are on it, how many.
 SURFACE_M, SAME_DEPTH_M, LEAST_SAME, DEEPEST_M = (0.004, 0.02), 0.003, 3, 10.0
+# Inside the edge: how far the face's brightness is looked at; points of a sector that show it; by
+# how many standard uncertainties, and how much besides, in logs, a sector differs; quantile of
+# bright sectors.
+FACE_M, LEAST_OF_FACE, UNLIKE, BRIGHT = 0.01, 5, (3.0, 0.1), 0.9
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
 SPARSE, MAX_SPREAD_SPARSE = 16, 0.4  # the same of sectors of fewer points, which are wider
 # Just beyond the footprint: how far it is looked at; off the background by more than that of its
@@ -37,8 +41,10 @@ class Background:
     """Clean background by sector, (K,) each: a line of depth over x, and where it can be used.
 
     depth_m at from_m outside the edge; slope; spread_m about the line. log_light: (K,) logs of its
-    intensities over that of the middle sector; None where they are unknown. rows, part: (N,) points
-    that are compared with it, near the edge where it was looked up, and their sectors.
+    intensities over that of the middle sector; None where they are unknown. log_face: likewise, of
+    the target inside the edge, over its bright sectors, 0 where it is as bright; None where it is
+    all round. rows, part: (N,) points that are compared with it, near the edge where it was looked
+    up, and their sectors.
     """
 
     depth_m: Array
@@ -47,6 +53,7 @@ class Background:
     spread_m: Array
     usable: Mask
     log_light: Array | None = None
+    log_face: Array | None = None
     rows: Rows = field(default_factory=lambda: np.zeros(0, np.int64))
     part: Rows = field(default_factory=lambda: np.zeros(0, np.int64))
 
@@ -55,10 +62,14 @@ class Background:
         return replace(self, rows=self.rows[:most], part=self.part[:most])
 
     def lighter(self, part: npt.NDArray[np.int64]) -> Array:
-        """Return the logs (N,) of the intensities in sectors (N,), 0 where they are unknown."""
+        """Return the logs (N,) of the intensities over the face's in sectors (N,), 0 if unknown."""
         if self.log_light is None:
             return np.zeros(len(part))
-        return np.asarray(self.log_light[part])
+        return np.asarray(self.log_light[part]) - self.face(part)
+
+    def face(self, part: npt.NDArray[np.int64]) -> Array:
+        """Return the logs (N,) of the face's intensities in sectors (N,), 0 if unknown."""
+        return np.zeros(len(part)) if self.log_face is None else np.asarray(self.log_face[part])
 
     def at(self, part: npt.NDArray[np.int64], x_m: Array) -> tuple[Array, Array]:
         """Return depth and its slope (N,) in sectors (N,), x_m (N,) outside the edge."""
@@ -113,8 +124,30 @@ def look_up(beams: Beams, depth: Array, state: Array, light: Array | None = None
     other = np.bincount(here, np.abs(depth[beside] - behind) > off_m, count)
     shown = other > np.maximum(MOST_OTHER * np.bincount(here, minlength=count), LEAST_OTHER - 1)
     usable &= ~shown
-    log_light = None if light is None else _log_light(light[ring], part, usable, least)
-    return replace(clean, usable=usable, log_light=log_light)
+    if light is None:
+        return replace(clean, usable=usable)
+    log_light = _log_light(light[ring], part, usable, least)
+    inside = np.flatnonzero((beams.x_m < -RING_M[0] - np.exp(state[SPOT])) & (beams.x_m > -FACE_M))
+    log_face = _log_face(light[inside], sector(beams.share[inside], count), count)
+    return replace(clean, usable=usable, log_light=log_light, log_face=log_face)
+
+
+def _log_face(light: Array, part: npt.NDArray[np.int64], count: int) -> Array | None:
+    """Return the logs (K,) of the intensities (N,) of a face by sector, over its bright ones.
+
+    A print is darker than a plate and its wall. 0 of sectors that differ by no more than those of
+    an even face do, or have few points; None of such a face.
+    """
+    known = np.flatnonzero((light > 0.0) & (light < np.inf))
+    log = np.log(light[known])
+    (low, middle, high), size = _quantiles(log, part[known], count, (0.25, 0.5, 0.75))
+    sure = size >= LEAST_OF_FACE
+    if not sure.any():
+        return None
+    off = np.where(sure, middle - np.quantile(middle[sure], BRIGHT), 0.0)
+    u = np.where(sure, (high - low) / 1.349, np.inf) / np.sqrt(np.maximum(size, 1))
+    shown = np.abs(off) > UNLIKE[0] * u + UNLIKE[1]
+    return np.where(shown, off, 0.0) if shown.any() else None
 
 
 def _log_light(light: Array, part: npt.NDArray[np.int64], usable: Mask, least: int) -> Array:

@@ -413,8 +413,11 @@ def predicted(
     facing = np.maximum(beams.tau, 0.0)
     behind, behind_slope = background.at(part, beams.x_m)
     log_ratio = state[RATIO] + zones.log[sector(beams.share, ZONES)]
+    over_face: Array | float = 1.0  # by which the wall is brighter where the face is darker
     if problem.gamma != 0.0:
         log_ratio += problem.gamma * background.lighter(part)
+        if background.log_face is not None:
+            over_face = np.exp(-problem.gamma * background.face(part))
     slant = 1.0 + float(state[BEAM] @ state[BEAM])
     width, lean, lean_by_tau = rounded(beams.tau, problem.bend)
     profile = edge_profile(
@@ -424,19 +427,21 @@ def predicted(
         footprint_m(beams, state),
         float(np.exp(state[THICKNESS])),
         np.exp(log_ratio),
-        wall_reflectance(facing, state)[0],
+        over_face * wall_reflectance(facing, state)[0],
         float(state[SHAPE]),
         beams.tau / slant,
         width * float(state[CHAMFER]),
-        bevel_reflectance(beams.tau, float(state[WALL])),
+        over_face * bevel_reflectance(beams.tau, float(state[WALL])),
         None if problem.prior.is_of_means else float(state[MODULATION]) * slant,
         lean,
     )
     profile = replace(
         profile,
         d_x=profile.d_x + profile.by_background * behind_slope,
+        d_wall=over_face * profile.d_wall,
         d_chamfer=profile.d_chamfer * width,
         d_lean=profile.d_lean * lean_by_tau,
+        d_bevel=over_face * profile.d_bevel,
     )
     rough = profile.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
     by_pointing = (profile.d_x * problem.pointing_m) ** 2

@@ -137,6 +137,8 @@ def fit_intensities(uvw_m: Array, edge: EdgeToFit, begin: Aim) -> EdgeFit | None
     Nothing but the returns of a wall shows the beams' direction: None where that counts.
     """
     problem, state = _problem(uvw_m, edge, begin)
+    if problem.intensity is None:
+        return None
     found = by_intensity(problem, state, edge.config.max_iterations)
     if found is None or float(np.hypot(*found.beam)) > MOST_UNSEEN:
         return None
@@ -159,6 +161,8 @@ def _problem(uvw_m: Array, edge: EdgeToFit, begin: Aim | EdgeFit) -> tuple[EdgeP
     few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
     plane = np.asfortranarray(near[:, :2])
     intensity, light = (near[:, k] if near.shape[1] > k else None for k in (3, 4))
+    if intensity is not None and not np.isfinite(intensity).any():
+        intensity = None  # of a face that is not of one brightness
     problem = EdgeProblem(
         plane,
         -near[:, 2],
