@@ -57,9 +57,10 @@ from .uncut_edges import empty_arcs, in_sectors, uncut_arcs, uncut_sectors
 # three and eight times what is known beforehand. Something before the background, just beyond the
 # wall, passes for more of that then, and moves the centre.
 DOUBTFUL, OTHER_PLATE = 0.15, 0.4
-OUTLINE_EDGE_M = 5e-4  # shift of an outline without background by the footprint (k = 1)
-# The same with a background of unknown direction: the wall returns part of the footprint.
-UNEXPLAINED_EDGE_M = 1.1e-3
+OUTLINE_EDGE_M = 5e-4  # shift of an outline by a usual footprint (k = 1)
+# Shift of an outline without background, of its footprint's radius, and at least, by what its edge
+# is not; with a background of unknown direction, where the wall returns part of the footprint.
+OUTLINE_EDGE, LEAST_EDGE_M, UNEXPLAINED_EDGE = 1.0 / 3.0, 1e-4, 1.1 / 1.5
 SHORT, U_SHORT = 0.5, 0.3  # shift of the centre and its u, of the footprint at the far edge
 GRAZING = 1.3  # slope of beams, 52 degrees, from which it shifts
 LOST_M = 2e-3  # uncertainty above which an edge fit gives way to the outline
@@ -209,8 +210,8 @@ def _by_edge(
         begun = known or aim
         behind = look_behind(near, outline, config, start, begun.state if begun else None)
         grazing_m = _grazing(behind, config)
-        edge_m = UNEXPLAINED_EDGE_M if behind.seen and behind.beam is None else OUTLINE_EDGE_M
-        edge_m = max(edge_m, _rows_m(view, outline))
+        share = UNEXPLAINED_EDGE if behind.seen and behind.beam is None else OUTLINE_EDGE
+        edge_m = max(share * config.spot_radius_m, LEAST_EDGE_M, _rows_m(view, outline))
         edge_m = math.hypot(edge_m, _cut_m(view, near, outline, fitted))
         centre, rotation = fitted.centre_m + SHORT * grazing_m, fitted.rotation_rad
         method = "outline" if method == "rim" else method

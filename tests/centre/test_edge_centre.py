@@ -281,6 +281,16 @@ def test_without_background_the_outermost_points_serve(name):
     assert not found.estimate.by_plane.any()
 
 
+@pytest.mark.parametrize(("spot_m", "expected_m"), [(0.003, 1e-3), (0.0009, 3e-4), (0.0002, 1e-4)])
+def test_without_background_the_outline_is_as_unsure_as_its_footprint(spot_m, expected_m):
+    """0.5 mm whatever is stated, of pixels of 0.4 mm too, was ten times their errors."""
+    _, view = viewed("disc-250", background_m=None)
+    view = replace(view, config=view.config.model_copy(update={"spot_radius_m": spot_m}))
+    found = centre_by_edge(view, view.target.edge).estimate
+    assert found.method == "outline"
+    np.testing.assert_allclose(found.model_m2, expected_m**2 * np.eye(2), rtol=1e-9)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_rotation_is_shown_by_what_is_not_round(name):
     cloud, view = viewed(name)
