@@ -29,7 +29,7 @@ from .edge.fit_edge import (
     square_on,
 )
 from .edge.mixed_pixel import EITHER, TAKEN_FOR
-from .edge.solution import AS_MUCH, EdgeFit, common_m2
+from .edge.solution import ANY_PART, AS_MUCH, EdgeFit, common_m2
 from .edge.stated_size import (
     SURE_MISFIT,
     beside_m,
@@ -68,7 +68,6 @@ UNCONVERGED_M = 3e-4  # model uncertainty of an edge fit that did not converge
 BY_THICKNESS = 0.4  # of what an unknown thickness would move a centre: model uncertainty
 WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertainty by the wall
 CLEAN_SHARE = 0.015  # of the shift of a clean edge: model uncertainty by what the scanner reports
-BY_LIGHT = 0.58  # of what a background's light would move a centre: any part of it
 ALONG_BEAMS, ACROSS_BEAMS = 1.25, 0.4  # shift of a centre by backgrounds, of that of the parts
 INTENSITY_SHARE = 0.004  # of the footprint: model uncertainty by how intensities fade over an edge
 MISFIT = (SURE_MISFIT, 0.09)  # share of outliers at which doubt begins, and is complete
@@ -571,7 +570,7 @@ def _by_backgrounds(edge_fit: EdgeFit) -> Array:
     unlike_m2 = np.asarray(edge_fit.unlike_m**2 * shares)
     if edge_fit.by_light_m is None:
         return unlike_m2
-    return unlike_m2 + BY_LIGHT**2 * np.outer(edge_fit.by_light_m, edge_fit.by_light_m)
+    return unlike_m2 + ANY_PART**2 * np.outer(edge_fit.by_light_m, edge_fit.by_light_m)
 
 
 def in_common(first: EdgeCentre, other: EdgeCentre) -> tuple[Array, Array] | None:

@@ -41,10 +41,9 @@ class TargetView:
         """Return the points that may matter to an outline, in plane coordinates (M, 3 or 5).
 
         With intensities over that of the face, where known: of those on the target, NaN around it,
-        and on a face that is not of one brightness; then of all, as they are before such a face.
-        slope: of the beams, by which points behind the plane are shifted aside per
-        depth. even: those on the target are thinned as those around it are, so that all beams count
-        alike.
+        and on a face that is not of one brightness; then of all, as the scan has them about such a
+        face. slope: of the beams, by which points behind the plane are shifted aside per depth.
+        even: those on the target are thinned as those around it are, so that all beams count alike.
         """
         face, around = self._near_rows(outline, start, slope)
         return self._joined(self._thinned(face) if even else face, around)

@@ -83,8 +83,8 @@ class PartedDisc:
         turn = np.arctan2(far[..., 1], far[..., 0]) - self.side_rad
         lit = np.cos(max(self.parts, 1) * turn) > 0.0
         behind = ~face & ~wall
-        print_ = np.where(q[..., 1] > 0.0, self.printed, 1.0)
-        light = np.where(face, print_, np.where(wall, self.lambert * inward, 0.0))
+        paint = np.where(q[..., 1] > 0.0, self.printed, 1.0)
+        light = np.where(face, paint, np.where(wall, self.lambert * inward, 0.0))
         front = light.sum(axis=1) / RAYS
         echo = np.where(behind, np.where(lit, self.bright, self.dark), 0.0)
         back = echo.sum(axis=1) / RAYS

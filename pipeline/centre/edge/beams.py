@@ -138,9 +138,7 @@ def _log_face(light: Array, part: npt.NDArray[np.int64], count: int) -> Array | 
     A print is darker than a plate and its wall. 0 of sectors that differ by no more than those of
     an even face do, or have few points; None of such a face.
     """
-    known = np.flatnonzero((light > 0.0) & (light < np.inf))
-    log = np.log(light[known])
-    (low, middle, high), size = _quantiles(log, part[known], count, (0.25, 0.5, 0.75))
+    (low, middle, high), size = _logs(light, part, count, (0.25, 0.5, 0.75))
     sure = size >= LEAST_OF_FACE
     if not sure.any():
         return None
@@ -155,13 +153,19 @@ def _log_light(light: Array, part: npt.NDArray[np.int64], usable: Mask, least: i
 
     0 of sectors that are not usable, or have not as many as `least`.
     """
-    known = np.flatnonzero((light > 0.0) & (light < np.inf))
-    (level,), size = _quantiles(light[known], part[known], len(usable), (0.5,))
+    (middle,), size = _logs(light, part, len(usable), (0.5,))
     sure = usable & (size >= least)
-    log = np.log(level, out=np.zeros(len(usable)), where=sure)
-    if sure.any():
-        log[sure] -= np.median(log[sure])
-    return log
+    if not sure.any():
+        return np.zeros(len(usable))
+    return np.where(sure, middle - np.median(middle[sure]), 0.0)
+
+
+def _logs(
+    light: Array, part: npt.NDArray[np.int64], count: int, shares: tuple[float, ...]
+) -> tuple[list[Array], npt.NDArray[np.int64]]:
+    """Return quantiles of the logs of intensities (N,), as `_quantiles`, of those above 0."""
+    known = np.flatnonzero((light > 0.0) & (light < np.inf))
+    return _quantiles(np.log(light[known]), part[known], count, shares)
 
 
 def _quantiles(

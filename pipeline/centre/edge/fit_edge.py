@@ -132,9 +132,10 @@ def first_explained(uvw_m: Array, edge: EdgeToFit, begin: Aim | EdgeFit) -> floa
 
 
 def fit_intensities(uvw_m: Array, edge: EdgeToFit, begin: Aim) -> EdgeFit | None:
-    """Fit an edge to the intensities of points uvw_m (N, 4 or 5), and not to what is behind.
+    """Fit an edge to the intensities of points uvw_m, as of `fit_edge`, and not to what is behind.
 
-    Nothing but the returns of a wall shows the beams' direction: None where that counts.
+    None where those of the target are unknown. Nothing but the returns of a wall shows the beams'
+    direction: None where that counts.
     """
     problem, state = _problem(uvw_m, edge, begin)
     if problem.intensity is None:

@@ -46,6 +46,7 @@ from .edge_residuals import (
 from .few_points import likeliest
 from .mixed_pixel import EITHER
 from .solution import (
+    ANY_PART,
     AS_MUCH,
     BY_CHANCE,
     STEP_M,
@@ -95,7 +96,6 @@ LIKELY = 3.0  # standard deviations of a size that may be so
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 LEAST_CHAMFER_M, MOST_CHAMFER_M = -3e-4, 3e-3  # that an edge may seem to have, and may have
 LOW_CHAMFER_M = 5e-5  # by which a fitted chamfer is too narrow, with a wall as thin (k = 1)
-BY_CHAMFER = 0.58  # of what a chamfer would move that may be a wrong width: any part of it
 LEAST_SHARP_M = -3e-5  # that a sharp edge may seem to have
 BY_WIDTH_M = 1.5e-4  # change of a chamfer with the width from which that may pass for it
 # Power of the background's light: over its u, from which on it is sought, and where zones differ;
@@ -497,7 +497,7 @@ def _as_if_sharp(
     linear = equations(may, found.background, found.state, found.zones, True, True)
     by_chamfer_m = unseen_chamfer_m(linear, problem.prior)
     if bevelled is not None and bevelled.converged and bevelled.state[CHAMFER] > 0.0:
-        asked_m = BY_CHAMFER * (bevelled.state - found.state)[CENTRE]
+        asked_m = ANY_PART * (bevelled.state - found.state)[CENTRE]
         by_chamfer_m = max(by_chamfer_m, asked_m, key=lambda move: float(move @ move))
     return replace(found, by_chamfer_m=by_chamfer_m)
 
@@ -608,15 +608,16 @@ def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
     By zones also where beams are steep: there zones keep a rough fit from diverging. At once where
     a first fit shows that they differ; not one of few points, or one that went astray.
     """
+    free = Zones.free(lit=problem.gamma != 0.0)
     if _is_steep(state) and not problem.few:
-        return _solved(problem, state, Zones.free(lit=problem.gamma != 0.0), most)
+        return _solved(problem, state, free, most)
     found = _converge(problem, state, Zones.alike(), most, consistent=False)
     clear = len(problem.depth) > CLEARLY and found.converged
     if not (clear and found.state[INVERSE] > PARALLEL and _differ(found, problem, SURELY)):
         found = _refined(problem, found, most)
         if not _differ(found, problem, DIFFERENT):
             return found
-    return _solved(problem, found.state, Zones.free(lit=problem.gamma != 0.0), most)
+    return _solved(problem, found.state, free, most)
 
 
 def _differ(found: Solution, problem: EdgeProblem, least: float) -> bool:

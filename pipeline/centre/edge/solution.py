@@ -60,6 +60,8 @@ INHERITED = (
 STRETCH = STATE  # place in a state that has one
 ALONG = 0.999  # cosine of a normal with that of its side
 FAR_BELOW = 30.0  # standard deviations; farther below 0 erfc is 0, too
+# Of what something in doubt would move a centre, where any part of it may be so: 1 / sqrt(3).
+ANY_PART = 0.58
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
 
